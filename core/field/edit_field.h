@@ -1,0 +1,90 @@
+// The editable field g: only the heads that the edit's operations need (Blending-NeRF, sec. 4.1).
+//
+//   change  color_e, beta_color        remove  beta_density        add  density_e, color_e
+//
+// A smooth, coarse grid encoding (a few low resolutions, then finer levels that a schedule fades in) and one small MLP.
+// density_e = softplus, per model unit of length; color_e, betas = sigmoid with bounded logits. Betas start near 0.02.
+// An operation that is off has no head and no parameter. Where `support` is set, g is exactly 0 outside its cells.
+//
+// Shapes: positions N×3 (model coordinates). Outputs N or N×3, undefined tensors for heads that are off.
+#pragma once
+
+#include <filesystem>
+#include <map>
+#include <memory>
+#include <string>
+#include <vector>
+
+#include "core/base/torch.h"
+#include "core/field/geometry.h"
+
+namespace fieldgraft {
+
+struct Operations {
+    bool add = false, remove = false, change = false;
+
+    bool any() const { return add || remove || change; }
+    bool operator==(const Operations&) const = default;
+    // "change,add" ↔ Operations; throws InputError for an unknown or empty list.
+    static Operations parse(const std::string& list);
+    std::string to_string() const;
+};
+
+struct EditFieldConfig {
+    Operations operations;
+    std::vector<int> resolutions{8, 16, 32};  // cells along the box's longest edge, dense grids or hashed when large
+    int features_per_level = 4;
+    int log2_table_size = 17;
+    int hidden = 64;
+    double initial_beta = 0.02;
+    double initial_density = 0.1;  // σᵉ · (box edge / 128) at the start: small, with a live gradient
+
+    Json to_json() const;
+    static EditFieldConfig from_json(const Json& json);
+};
+
+struct EditSamples {
+    Tensor density_e;     // N, ≥ 0
+    Tensor color_e;       // N×3
+    Tensor beta_density;  // N
+    Tensor beta_color;    // N
+};
+
+class EditField {
+  public:
+    EditField(const EditFieldConfig& config, const FieldGeometry& geometry, std::uint64_t seed);
+    EditSamples evaluate(const Tensor& positions) const;
+
+    const std::map<std::string, Tensor>& parameters() const { return parameters_; }
+    const EditFieldConfig& config() const { return config_; }
+    const FieldGeometry& geometry() const { return geometry_; }
+    // Weights 0…1 a level: how far the smoothness schedule has faded each level in (all 1 when saved).
+    void set_level_weights(std::vector<float> weights);
+    // R×R×R uint8 (z, y, x): the cells where g acts. Undefined while training; fixed when saved.
+    const Tensor& support() const { return support_; }
+    void set_support(Tensor support);
+
+  private:
+    friend struct EditFile;
+    EditFieldConfig config_;
+    FieldGeometry geometry_;
+    std::map<std::string, Tensor> parameters_;
+    std::vector<float> level_weights_;
+    Tensor support_;
+};
+
+// One edit as a file and as an item of a stack: g, its strengths, and the field and stack it was trained over.
+struct EditFile {
+    std::shared_ptr<EditField> field;
+    std::string field_hash;               // RadianceField::hash() of f
+    std::vector<std::string> stack;       // hashes of the edits below it when it was trained
+    Json specification = Json::object();  // prompts, operations, thresholds … (core/edit's EditSpec as JSON)
+    float strength_add = 1, strength_remove = 1, strength_change = 1;
+    std::string hash() const;             // over tensors and geometry
+    void save(const std::filesystem::path& path) const;
+    static EditFile load(const std::filesystem::path& path);
+    // Throws InputError when `field_hash` is another field's.
+    void check_field(const std::string& field_hash, const std::string& where) const;
+};
+
+}  // namespace fieldgraft

@@ -1,0 +1,36 @@
+// Marching rays through the box: equal steps, cells of an occupancy grid that are empty are skipped.
+//
+// The grid is R×R×R uint8 (z, y, x) over the field's box. A ray's samples lie at t = near + (k + ½ + jitter)·step inside
+// the box; jitter ∈ [−½, ½) is one number a ray (0 when there is no random generator): cameras see the same samples again.
+#pragma once
+
+#include "core/base/random.h"
+#include "core/field/radiance_field.h"
+#include "core/render/samples.h"
+
+namespace fieldgraft {
+
+struct MarchOptions {
+    double step = 0;                // model units; 0: the box diagonal / 1024
+    double near = 0;
+    Random* jitter = nullptr;
+    double min_transmittance = 1e-4;  // sample_visible: what lies behind this is left out
+};
+
+// All samples in occupied cells.
+Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayBundle& rays, const MarchOptions& options);
+
+// march(), then f's densities without gradients, then only the samples a ray can see (transmittance before the sample
+// above min_transmittance). Exact: transmittances are of the full march.
+struct VisibleSamples {
+    Samples samples;
+    Tensor density;   // N, f's, no gradient
+    Tensor features;  // N×feature_size, f's, no gradient
+};
+VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options);
+
+// OR of two grids, and the grid grown by n cells in every direction.
+Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b);
+Tensor dilated(const Tensor& occupancy, int cells);
+
+}  // namespace fieldgraft
