@@ -1,0 +1,101 @@
+"""Accuracy and timings of the whole path on one scene, beside a GEMM reading of the same run.
+
+    ./dev bench [--scene DIR] [--minutes 2 5 10] [--threads N] [--out FILE.json]
+
+Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, and for each training budget the PSNR and SSIM on the
+scene's test views, iterations, time per view rendered. Results are checked (finite, better than a grey picture) before they
+are reported; times are never judged.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import math
+import os
+import platform
+import statistics
+import subprocess
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+HERE = Path(__file__).resolve().parent
+ROOT = HERE.parent
+
+
+def done_event(command: list[str | Path]) -> dict:
+    """Runs a command with --json, shows its progress events' ends, returns the `done` object."""
+    result = subprocess.run([*map(str, command), "--json"], stdout=subprocess.PIPE, text=True)
+    events = [json.loads(line) for line in result.stdout.splitlines() if line.startswith("{")]
+    done = [e for e in events if e.get("event") == "done"]
+    if result.returncode != 0 or not done:
+        sys.exit(f"bench: {' '.join(map(str, command))} ended with exit code {result.returncode}")
+    return done[-1]
+
+
+def gemm_gflops(threads: int, size: int = 2048, runs: int = 5) -> dict:
+    import torch
+
+    torch.set_num_threads(threads)
+    a, b = torch.randn(size, size), torch.randn(size, size)
+    torch.mm(a, b)
+    rates = []
+    for _ in range(runs):
+        start = time.perf_counter()
+        torch.mm(a, b)
+        rates.append(2 * size**3 / (time.perf_counter() - start) / 1e9)
+    return {"median": round(statistics.median(rates), 1), "min": round(min(rates), 1), "max": round(max(rates), 1)}
+
+
+def commit() -> str:
+    result = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"], stdout=subprocess.PIPE, text=True)
+    return result.stdout.strip()
+
+
+def measure(program: Path, scene: Path, minutes: float, threads: int, work: Path) -> dict:
+    field = work / f"field_{minutes:g}.safetensors"
+    common = ["--threads", threads]
+    train = done_event([program, "train", scene, "-o", field, "--minutes", minutes, *common])
+    score = done_event([program, "eval", field, "--scene", scene, "--split", "test", *common])
+    if not (math.isfinite(score["psnr"]) and score["psnr"] > 10):
+        sys.exit(f"bench: {score['psnr']} dB after {minutes} minutes is not a result worth timing")
+    keys = ("iterations", "seconds", "peak_mib")
+    return {
+        "minutes": minutes,
+        **{k: train[k] for k in keys if k in train},
+        **{k: score[k] for k in ("psnr", "ssim", "seconds_per_view") if k in score},
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--program", type=Path, required=True)
+    parser.add_argument("--scene", type=Path, default=ROOT / "demo" / "scene")
+    parser.add_argument("--minutes", type=float, nargs="+", default=[1.0])
+    parser.add_argument("--threads", type=int, default=os.cpu_count())
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    report = {
+        "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
+        "commit": commit(),
+        "threads": args.threads,
+        "gemm_gflops_float32": gemm_gflops(args.threads),
+        "scene": args.scene.name,
+        "training": [],
+    }
+    with tempfile.TemporaryDirectory() as work:
+        for minutes in args.minutes:
+            report["training"].append(measure(args.program, args.scene, minutes, args.threads, Path(work)))
+            print(json.dumps(report["training"][-1]), file=sys.stderr, flush=True)
+    text = json.dumps(report, indent=2)
+    if args.out:
+        part = args.out.with_suffix(".part")
+        part.write_text(text + "\n")
+        os.replace(part, args.out)
+    print(text)
+
+
+if __name__ == "__main__":
+    main()
