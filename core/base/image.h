@@ -1,5 +1,5 @@
-// Images in memory and on disk. Pixels are float32, H×W×C, row 0 at the top. PNG/JPEG values are the file's own (sRGB-encoded)
-// values in [0, 1]; EXR values are stored as they are. Alpha is straight in memory and in PNG.
+// Images in memory and on disk. Pixels are float32, H×W×C, row 0 at the top. PNG/JPEG values are the file's own
+// (sRGB-encoded) values in [0, 1]; EXR values are stored as they are. Alpha is straight in memory and in PNG.
 #pragma once
 
 #include <filesystem>
@@ -21,7 +21,8 @@ void write_exr(const std::filesystem::path& path, const Tensor& image);
 
 // RGBA over a background colour (3 floats) → H×W×3; an RGB image comes back as it is.
 Tensor over_background(const Tensor& image, const Tensor& background);
-// Antialiased (area-weighted) resize of an H×W×C image.
+// Antialiased resize of an H×W×C image: the average over the area a pixel covers when it shrinks, linear when it grows.
+// Four channels are RGBA: colours are averaged by alpha. On the CPU, not differentiable.
 Tensor resize_image(const Tensor& image, int height, int width);
 
 }  // namespace fieldgraft

@@ -1,5 +1,6 @@
 // The safetensors file format (8-byte little-endian header length, JSON header, raw tensor data).
-// Dtypes: F64 F32 F16 BF16 I64 I32 U8 BOOL. Tensors are written sorted by name, so that equal content gives equal bytes.
+// Dtypes: F64 F32 F16 BF16 I64 I32 U8 BOOL. Tensors are written sorted by name, so that equal content gives equal
+// bytes.
 #pragma once
 
 #include <filesystem>
@@ -11,12 +12,12 @@
 namespace fieldgraft {
 
 struct SafeTensors {
-    std::map<std::string, Tensor> tensors;          // contiguous, CPU
-    std::map<std::string, std::string> metadata;    // "__metadata__": strings only
+    std::map<std::string, Tensor> tensors;        // contiguous, CPU
+    std::map<std::string, std::string> metadata;  // "__metadata__": strings only
 
     // The tensor of that name; throws InputError naming the file's missing tensor.
     const Tensor& at(const std::string& name) const;
-    std::string origin;                             // the file it came from, for messages
+    std::string origin;  // the file it came from, for messages
 };
 
 // Throws InputError for a missing, truncated or malformed file (offsets out of range, overlapping, wrong byte counts).
