@@ -11,6 +11,8 @@ if(NOT Torch_DIR)
     list(APPEND CMAKE_PREFIX_PATH ${torch_prefix})
 endif()
 find_package(Torch REQUIRED)
+# at::parallel_for is inlined into our code and is serial without OpenMP; the run-time library is the one torch loads.
+find_package(OpenMP REQUIRED COMPONENTS CXX)
 find_package(nlohmann_json REQUIRED)
 find_package(spdlog REQUIRED)
 find_package(CLI11 REQUIRED)
