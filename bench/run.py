@@ -2,8 +2,8 @@
 
     ./dev bench [--scene DIR] [--minutes 2 5 10] [--threads N] [--out FILE.json]
 
-Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, and for each training budget the PSNR and SSIM on the
-scene's test views, iterations, time per view rendered. Results are checked (finite, better than a grey picture) before they
+Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, and for each training budget the PSNR and SSIM on
+the scene's test views, iterations, time per view rendered. Results are checked (finite, better than grey) before they
 are reported; times are never judged.
 """
 
