@@ -1,0 +1,66 @@
+#include "core/kernels/adam_ref.h"
+
+#include <cmath>
+#include <stdexcept>
+#include <string>
+
+namespace fieldgraft {
+namespace {
+
+constexpr std::int64_t entries_per_task = 1 << 14;
+constexpr std::int64_t run = 16;  // entries looked at together: a run of zeros is skipped at once
+
+template <class T>
+struct Rule {
+    T b1, c1, b2, c2, rate, inverse2, epsilon;
+
+    void update(T g, T& p, T& m, T& v) const {
+        m = b1 * m + c1 * g;
+        v = b2 * v + c2 * g * g;
+        p -= rate * m / (std::sqrt(v * inverse2) + epsilon);
+    }
+};
+
+template <class T>
+bool all_zero(const T* g, std::int64_t count) {
+    T largest = 0;
+    for (std::int64_t i = 0; i < count; ++i) largest = std::fabs(g[i]) > largest ? std::fabs(g[i]) : largest;
+    return largest == 0;
+}
+
+}  // namespace
+
+template <class T>
+void adam_step(const AdamStep& step, std::span<const T> grad, std::span<T> parameters, std::span<T> m, std::span<T> v,
+               const ParallelFor& parallel_for) {
+    const std::size_t n = parameters.size();
+    if (grad.size() != n || m.size() != n || v.size() != n) {
+        throw std::invalid_argument("adam: gradient or moments do not match " + std::to_string(n) + " parameters");
+    }
+    if (step.t < 1) throw std::invalid_argument("adam: steps count from 1, not " + std::to_string(step.t));
+    const double t = static_cast<double>(step.t);
+    const Rule<T> rule{static_cast<T>(step.beta1),
+                       static_cast<T>(1 - step.beta1),
+                       static_cast<T>(step.beta2),
+                       static_cast<T>(1 - step.beta2),
+                       static_cast<T>(step.rate / (1 - std::pow(step.beta1, t))),
+                       static_cast<T>(1 / (1 - std::pow(step.beta2, t))),
+                       static_cast<T>(step.epsilon)};
+    parallel_for(static_cast<std::int64_t>(n), entries_per_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t first = begin; first < end; first += run) {
+            const std::int64_t last = first + run < end ? first + run : end;
+            if (step.skip_zero && all_zero(grad.data() + first, last - first)) continue;
+            for (std::int64_t i = first; i < last; ++i) {
+                if (step.skip_zero && grad[i] == 0) continue;
+                rule.update(grad[i], parameters[i], m[i], v[i]);
+            }
+        }
+    });
+}
+
+template void adam_step<float>(const AdamStep&, std::span<const float>, std::span<float>, std::span<float>,
+                               std::span<float>, const ParallelFor&);
+template void adam_step<double>(const AdamStep&, std::span<const double>, std::span<double>, std::span<double>,
+                                std::span<double>, const ParallelFor&);
+
+}  // namespace fieldgraft

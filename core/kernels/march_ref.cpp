@@ -1,0 +1,155 @@
+#include "core/kernels/march_ref.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <stdexcept>
+#include <string>
+
+namespace fieldgraft {
+namespace {
+
+constexpr int block = 8;
+constexpr std::int64_t rays_per_task = 64;
+
+struct Ray {
+    double origin[3], direction[3];
+    double first_t;  // t of sample 0
+    std::int64_t begin = 0, end = 0;  // samples whose t lies inside the box, by a hair more rather than less
+};
+
+Ray enter_box(const MarchGrid& grid, const MarchRays& rays, std::int64_t r) {
+    Ray ray;
+    double t_in = rays.near, t_out = std::numeric_limits<double>::infinity();
+    for (int c = 0; c < 3; ++c) {
+        ray.origin[c] = rays.origins[3 * r + c];
+        ray.direction[c] = rays.directions[3 * r + c];
+        const double inverse = 1.0 / ray.direction[c];
+        double a = (grid.box_min[c] - ray.origin[c]) * inverse, b = (grid.box_max[c] - ray.origin[c]) * inverse;
+        if (a > b) std::swap(a, b);
+        // 0 · inf is NaN when the ray runs inside a face's plane: no bound from that axis.
+        t_in = a > t_in ? a : t_in;
+        t_out = b < t_out ? b : t_out;
+    }
+    ray.first_t = rays.near + (0.5 + (rays.jitter.empty() ? 0.0 : rays.jitter[r])) * rays.step;
+    if (!(t_in < t_out) || !std::isfinite(t_out)) return ray;
+    ray.begin = std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor((t_in - ray.first_t) / rays.step)));
+    ray.end = static_cast<std::int64_t>(std::ceil((t_out - ray.first_t) / rays.step)) + 1;
+    return ray;
+}
+
+// Distance along the ray to the far side of a cell of `cells` on each axis, from the point at grid coordinates p.
+double exit_distance(const MarchGrid& grid, const Ray& ray, const double* p, int cells_an_edge, int resolution) {
+    double nearest = std::numeric_limits<double>::infinity();
+    for (int c = 0; c < 3; ++c) {
+        if (ray.direction[c] == 0) continue;
+        const double lower = std::floor(p[c] / cells_an_edge) * cells_an_edge;
+        const double face = ray.direction[c] > 0 ? lower + cells_an_edge : lower;
+        const double width = (grid.box_max[c] - grid.box_min[c]) / resolution;
+        nearest = std::min(nearest, (face - p[c]) * width / ray.direction[c]);
+    }
+    return nearest;
+}
+
+// Cells to cross from here in one stride (8: the block is empty, 1: the cell is), or 0 where there is something.
+int empty_extent(const MarchGrid& grid, const double* p) {
+    const int resolution = grid.resolution, blocks = (resolution + block - 1) / block;
+    int cell[3];
+    for (int c = 0; c < 3; ++c) cell[c] = std::clamp(static_cast<int>(p[c]), 0, resolution - 1);
+    const std::size_t b = (std::size_t(cell[2] / block) * blocks + cell[1] / block) * blocks + cell[0] / block;
+    if (grid.blocks[b] == 0) return block;
+    return grid.cells[(std::size_t(cell[2]) * resolution + cell[1]) * resolution + cell[0]] == 0 ? 1 : 0;
+}
+
+// Calls use(position, t) for every sample of ray r.
+template <class Use>
+void walk(const MarchGrid& grid, const MarchRays& rays, std::int64_t r, Use use) {
+    const Ray ray = enter_box(grid, rays, r);
+    for (std::int64_t k = ray.begin; k < ray.end;) {
+        const double t = ray.first_t + static_cast<double>(k) * rays.step;
+        float position[3];
+        double p[3];  // in cells
+        bool inside = t >= rays.near;
+        for (int c = 0; c < 3; ++c) {
+            position[c] = static_cast<float>(ray.origin[c] + t * ray.direction[c]);
+            inside = inside && position[c] >= grid.box_min[c] && position[c] <= grid.box_max[c];
+            p[c] = (position[c] - grid.box_min[c]) / (grid.box_max[c] - grid.box_min[c]) * grid.resolution;
+        }
+        const int extent = inside && grid.resolution > 0 ? empty_extent(grid, p) : 0;
+        if (inside && extent == 0) use(position, static_cast<float>(t));
+        std::int64_t stride = 1;
+        if (extent > 0) {
+            const double steps = exit_distance(grid, ray, p, extent, grid.resolution) / rays.step;
+            stride = steps > 2 ? static_cast<std::int64_t>(std::min(steps, 1e9)) : 1;
+        }
+        k += stride;
+    }
+}
+
+void check(const MarchGrid& grid, const MarchRays& rays) {
+    const std::size_t count = rays.origins.size() / 3;
+    if (rays.directions.size() != 3 * count || rays.origins.size() != 3 * count ||
+        !(rays.jitter.empty() || rays.jitter.size() == count)) {
+        throw std::invalid_argument("march: sizes do not match " + std::to_string(count) + " rays");
+    }
+    if (!(rays.step > 0) || !std::isfinite(rays.step)) {
+        throw std::invalid_argument("march: the step must be positive, not " + std::to_string(rays.step));
+    }
+    if (grid.resolution > 0 && grid.blocks.empty()) throw std::invalid_argument("march: the grid has no blocks");
+}
+
+}  // namespace
+
+MarchGrid make_march_grid(const std::array<double, 3>& box_min, const std::array<double, 3>& box_max, int resolution,
+                          std::span<const std::uint8_t> cells) {
+    MarchGrid grid{box_min, box_max, resolution, cells, {}};
+    for (int c = 0; c < 3; ++c) {
+        if (!(box_min[c] < box_max[c])) throw std::invalid_argument("march: the box is empty");
+    }
+    const std::size_t n = static_cast<std::size_t>(std::max(resolution, 0));
+    if (resolution < 0 || cells.size() != n * n * n) {
+        throw std::invalid_argument("march: " + std::to_string(cells.size()) + " cells are not a cube of edge " +
+                                    std::to_string(resolution));
+    }
+    const std::size_t blocks = (n + block - 1) / block;
+    grid.blocks.assign(blocks * blocks * blocks, 0);
+    for (std::size_t z = 0; z < n; ++z) {
+        for (std::size_t y = 0; y < n; ++y) {
+            const std::uint8_t* row = cells.data() + (z * n + y) * n;
+            std::uint8_t* out = grid.blocks.data() + ((z / block) * blocks + y / block) * blocks;
+            for (std::size_t x = 0; x < n; ++x) out[x / block] |= row[x] != 0;
+        }
+    }
+    return grid;
+}
+
+void march_count(const MarchGrid& grid, const MarchRays& rays, std::span<std::int64_t> counts,
+                 const ParallelFor& parallel_for) {
+    check(grid, rays);
+    parallel_for(static_cast<std::int64_t>(counts.size()), rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) {
+            std::int64_t count = 0;
+            walk(grid, rays, r, [&](const float*, float) { ++count; });
+            counts[r] = count;
+        }
+    });
+}
+
+void march_fill(const MarchGrid& grid, const MarchRays& rays, std::span<const std::int64_t> start,
+                std::span<std::int64_t> ray, std::span<float> positions, std::span<float> t,
+                const ParallelFor& parallel_for) {
+    check(grid, rays);
+    const std::int64_t count = static_cast<std::int64_t>(start.size()) - 1;
+    parallel_for(count, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) {
+            std::int64_t k = start[r];
+            walk(grid, rays, r, [&](const float* position, float distance) {
+                std::copy(position, position + 3, positions.data() + 3 * k);
+                ray[k] = r;
+                t[k++] = distance;
+            });
+        }
+    });
+}
+
+}  // namespace fieldgraft
