@@ -1,0 +1,147 @@
+"""The program as a user runs it: figures, files, exit codes, one-line errors, cancel and resume."""
+
+from __future__ import annotations
+
+import json
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from conftest import PROGRAM, ROOT, events_of, run_program, write_ball_scene
+from PIL import Image
+
+
+def assert_one_line_error(result: subprocess.CompletedProcess, *words: str) -> None:
+    assert result.returncode == 2, (result.returncode, result.stderr)
+    lines = [line for line in result.stderr.splitlines() if line.startswith("fieldgraft:")]
+    assert len(lines) == 1, result.stderr
+    for word in words:
+        assert word in lines[0], lines[0]
+
+
+def test_train_reports_figures_and_reaches_the_scene(ball_scene: Path, ball_field: Path) -> None:
+    done = events_of(run_program("eval", ball_field, "--scene", ball_scene, "--split", "test", "--json"))[-1]
+    assert done["event"] == "done"
+    assert done["psnr"] > 24
+    assert done["ssim"] > 0.85
+
+
+def test_train_events_follow_the_contract(ball_scene: Path, tmp_path: Path) -> None:
+    field = tmp_path / "f.safetensors"
+    events = events_of(run_program("train", ball_scene, "-o", field, "--iterations", 40, "--json"))
+    progress = [e for e in events if e["event"] == "progress"]
+    assert progress and {"iteration", "total", "loss", "eta_s"} <= progress[-1].keys()
+    assert {"iterations", "seconds", "peak_mib"} <= events[-1].keys()
+    assert events[-1]["event"] == "done" and events[-1]["iterations"] == 40
+    assert field.exists() and not list(tmp_path.glob("*.part*"))
+
+
+def test_same_seed_one_thread_same_bytes(ball_scene: Path, tmp_path: Path) -> None:
+    files = []
+    for name in ("a", "b"):
+        files.append(tmp_path / f"{name}.safetensors")
+        arguments = ["--iterations", 12, "--seed", 7, "--threads", 1, "--quiet"]
+        assert run_program("train", ball_scene, "-o", files[-1], *arguments).returncode == 0
+    assert files[0].read_bytes() == files[1].read_bytes()
+
+
+def test_render_writes_png_and_exr_named_after_the_view(ball_scene: Path, ball_field: Path, tmp_path: Path) -> None:
+    out = tmp_path / "views"
+    result = run_program("render", ball_field, "--scene", ball_scene, "--split", "test", "-o", out, "--quiet")
+    assert result.returncode == 0, result.stderr
+    assert sorted(p.name for p in out.glob("*.png")) == [f"r_{i}.png" for i in range(4)]
+    assert sorted(p.name for p in out.glob("*.exr")) == [f"r_{i}.exr" for i in range(4)]
+    rendered = np.asarray(Image.open(out / "r_1.png").convert("RGB"), np.float32)
+    truth = Image.open(ball_scene / "test" / "r_1.png")
+    white = Image.new("RGBA", truth.size, (255, 255, 255, 255))
+    expected = np.asarray(Image.alpha_composite(white, truth).convert("RGB"), np.float32)
+    assert np.abs(rendered - expected).mean() < 12
+
+
+def test_bake_writes_a_grid_and_its_figures(ball_field: Path, tmp_path: Path) -> None:
+    grid = tmp_path / "ball.vdb"
+    done = events_of(run_program("bake", ball_field, "-o", grid, "--resolution", 48, "--json"))[-1]
+    assert done["voxels"] > 500 and done["bytes"] == grid.stat().st_size and done["seconds"] > 0
+
+
+def test_info_names_what_a_file_is(ball_field: Path) -> None:
+    info = json.loads(run_program("info", ball_field, "--json").stdout.splitlines()[-1])
+    assert info["files"][0]["kind"] == "field" and len(info["files"][0]["hash"]) == 64
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["train", "nowhere", "-o", "f.safetensors"], ["nowhere"]),
+        (["train"], ["required"]),
+        (["trian"], []),
+        (["train", "x", "-o", "y", "--minutes", "-3"], ["minutes"]),
+        (["info", "missing.safetensors"], ["missing.safetensors"]),
+        (["render", "missing.safetensors", "--scene", "x", "-o", "y"], ["missing.safetensors"]),
+        (["eval", "missing.safetensors", "--scene", "x"], ["missing.safetensors"]),
+        (["bake", "missing.safetensors", "-o", "x.vdb"], ["missing.safetensors"]),
+    ],
+)
+def test_bad_usage_is_one_line_and_exit_code_2(arguments: list[str], words: list[str]) -> None:
+    assert_one_line_error(run_program(*arguments), *words)
+
+
+def test_a_truncated_field_is_named(ball_field: Path, tmp_path: Path) -> None:
+    broken = tmp_path / "broken.safetensors"
+    broken.write_bytes(ball_field.read_bytes()[:5000])
+    assert_one_line_error(run_program("info", broken), "broken.safetensors")
+
+
+def test_a_truncated_picture_is_named(tmp_path: Path) -> None:
+    scene = write_ball_scene(tmp_path / "scene", size=32, train=3, test=1)
+    picture = scene / "train" / "r_1.png"
+    picture.write_bytes(picture.read_bytes()[:200])
+    result = run_program("train", scene, "-o", tmp_path / "f.safetensors", "--iterations", 5)
+    assert_one_line_error(result, "r_1.png")
+    assert not (tmp_path / "f.safetensors").exists()
+
+
+def test_an_edit_refuses_equal_prompts_and_no_operation(ball_field: Path, tmp_path: Path) -> None:
+    same = ["--source", "ball", "--target", "ball", "--ops", "change"]
+    assert_one_line_error(run_program("edit", ball_field, "-o", tmp_path / "e.safetensors", *same), "ball")
+    unknown = ["--source", "ball", "--target", "red ball", "--ops", "paint"]
+    assert_one_line_error(run_program("edit", ball_field, "-o", tmp_path / "e.safetensors", *unknown), "paint")
+
+
+def test_interrupted_training_saves_and_resumes(ball_scene: Path, tmp_path: Path) -> None:
+    field = tmp_path / "f.safetensors"
+    command = [PROGRAM, "train", ball_scene, "-o", field, "--iterations", "5000", "--json"]
+    process = subprocess.Popen([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+    for line in process.stdout:
+        if json.loads(line).get("iteration", 0) >= 20:
+            break
+    process.send_signal(signal.SIGINT)
+    start = time.monotonic()
+    process.communicate(timeout=60)
+    assert process.returncode == 130
+    assert time.monotonic() - start < 20
+    resumed = run_program("train", ball_scene, "-o", field, "--iterations", 60, "--resume", "--json")
+    events = events_of(resumed)
+    assert events[0].get("iteration", 99) >= 20
+    assert field.exists()
+
+
+def test_the_built_in_guide_edits_the_ball(ball_scene: Path, ball_field: Path, tmp_path: Path) -> None:
+    """Few iterations: that an edit runs, is saved, changes the picture, and is bit-exact where its strength is 0."""
+    if not (ROOT / "models" / "guide" / "model.safetensors").exists():
+        pytest.skip("the built-in guidance model is not in this checkout")
+    edit = tmp_path / "e.safetensors"
+    prompts = ["--source", "ball", "--target", "blue ball", "--ops", "change", "--patch", 48]
+    scene = ["--scene", ball_scene]
+    done = events_of(run_program("edit", ball_field, "-o", edit, *prompts, *scene, "--iterations", 30, "--json"))[-1]
+    assert {"iterations", "seconds", "seconds_per_iteration", "field_seconds_per_iteration"} <= done.keys()
+    views = ["--scene", ball_scene, "--split", "test", "--quiet"]
+    for name, edits in (("plain", []), ("off", [f"{edit}:change=0"]), ("on", [edit])):
+        result = run_program("render", ball_field, *edits, *views, "-o", tmp_path / name)
+        assert result.returncode == 0, result.stderr
+    plain, off, on = ((tmp_path / n / "r_0.exr").read_bytes() for n in ("plain", "off", "on"))
+    assert plain == off
+    assert plain != on
