@@ -1,0 +1,27 @@
+// Questions about a rendered picture with the exact answer: a text and the pixels it speaks of (at least two of the
+// pixel's four samples). Kinds as in a batch's "query_kinds". A thing is asked for as absent only if nothing in the
+// scene, seen or hidden, could be called that.
+#pragma once
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+#include "models/generator/render.h"
+#include "models/generator/spec.h"
+#include "models/generator/world.h"
+
+namespace fieldgraft::generator {
+
+enum class QueryKind : uint8_t { kObject, kPart, kGround, kAbsent, kAttribute, kPhoto, kAddition };
+constexpr int kQueries = 6;
+
+struct Query {
+    std::string text;
+    QueryKind kind = QueryKind::kPhoto;
+    std::vector<uint8_t> mask;  // size x size, 0 or 1
+};
+
+std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, Rng rng);
+
+}  // namespace fieldgraft::generator

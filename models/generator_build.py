@@ -1,0 +1,61 @@
+"""Builds and imports the picture generator (models/generator) on its own.
+
+`load()` takes the module that the project's build left in build/release/models if it is newer than the sources;
+otherwise it builds it with CMake into build/generator (half a minute). `python models/generator_build.py` only builds.
+"""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+import subprocess
+import sys
+from pathlib import Path
+from types import ModuleType
+
+ROOT = Path(__file__).resolve().parent.parent
+SOURCES = ROOT / "models" / "generator"
+
+
+def _newest_source() -> float:
+    return max(p.stat().st_mtime for p in SOURCES.iterdir() if p.suffix in {".cpp", ".h", ".txt"})
+
+
+def _built(folder: Path) -> Path | None:
+    modules = sorted(folder.glob("scene_generator*.so"))
+    return modules[0] if modules and modules[0].stat().st_mtime >= _newest_source() else None
+
+
+def build(folder: Path = ROOT / "build" / "generator") -> Path:
+    """Builds the module with this interpreter and returns its path."""
+    tool = ["-G", "Ninja"] if _has("ninja") else []
+    launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if _has("ccache") else []
+    configure = ["cmake", "-S", str(SOURCES), "-B", str(folder), f"-DFIELDGRAFT_PYTHON={sys.executable}", *tool, *launcher]
+    for command in (configure, ["cmake", "--build", str(folder), "-j", str(os.cpu_count() or 1)]):
+        done = subprocess.run(command, capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise RuntimeError(f"{' '.join(command)} failed:\n{done.stdout}{done.stderr}")
+    module = next(iter(sorted((folder / "models").glob("scene_generator*.so"))), None)
+    if module is None:
+        raise RuntimeError(f"no scene_generator module in {folder / 'models'} after the build")
+    os.utime(module)
+    return module
+
+
+def _has(program: str) -> bool:
+    return any((Path(p) / program).exists() for p in os.environ.get("PATH", "").split(os.pathsep))
+
+
+def load() -> ModuleType:
+    """The module scene_generator, built if need be."""
+    path = _built(ROOT / "build" / "release" / "models") or _built(ROOT / "build" / "generator" / "models") or build()
+    spec = importlib.util.spec_from_file_location("scene_generator", path)
+    if spec is None or spec.loader is None:
+        raise RuntimeError(f"{path} cannot be imported")
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+if __name__ == "__main__":
+    print(build())
