@@ -1,8 +1,9 @@
 // The original field f: position and direction to density and colour (frozen while it is edited).
 //
 // Backbone "hash" (Instant-NGP, Müller et al. 2022): multiresolution hash encoding → density MLP (one hidden layer) →
-// [log density, 15 features]; spherical harmonics of the direction (degree 4, 16 values) ++ 16 outputs → colour MLP (two
-// hidden layers) → sigmoid. Density is exp of the first output, clamped before exp with a gradient that stays finite.
+// [log density, 15 features]; spherical harmonics of the direction (degree 4, 16 values) ++ 16 outputs → colour MLP
+// (two hidden layers) → sigmoid. Density is exp of the first output, clamped before exp with a gradient that stays
+// finite.
 //
 // Shapes: positions N×3 in model coordinates (outside the box: density 0), directions N×3 unit vectors, float32.
 // Differentiable in the parameters; not in positions or directions.
@@ -25,13 +26,15 @@ struct HashFieldConfig {
     int base_resolution = 16;
     int finest_resolution = 1024;  // cells along the box's longest edge
     int density_hidden = 64;
-    int feature_size = 16;         // outputs of the density MLP, the first is log density
+    int feature_size = 16;  // outputs of the density MLP, the first is log density
     int color_hidden = 64;
     int sh_degree = 4;
 
     Json to_json() const;
     static HashFieldConfig from_json(const Json& json);
 };
+
+struct HashNetwork;
 
 class RadianceField {
   public:
@@ -47,7 +50,8 @@ class RadianceField {
     const std::map<std::string, Tensor>& parameters() const { return parameters_; }  // leaves, by file name
     const HashFieldConfig& config() const { return config_; }
     const FieldGeometry& geometry() const { return geometry_; }
-    // R×R×R uint8 (z, y, x order): cells of the box that may hold density; travels in the file. Undefined until trained.
+    // R×R×R uint8 (z, y, x order): cells of the box that may hold density; travels in the file. Undefined until
+    // trained.
     const Tensor& occupancy() const { return occupancy_; }
     void set_occupancy(Tensor occupancy);
     void freeze();  // requires_grad off everywhere
@@ -55,12 +59,16 @@ class RadianceField {
     // SHA-256 over tensors and geometry; metadata does not enter. An edit stores it.
     std::string hash() const;
     void save(const std::filesystem::path& path, const Json& extra_metadata = Json::object()) const;
-    // Throws InputError: not a field file, another backbone, missing or misshapen tensors.
+    // Throws InputError: not a field file, another backbone, missing or misshapen tensors. What comes back is frozen.
     static std::shared_ptr<RadianceField> load(const std::filesystem::path& path);
 
   private:
+    RadianceField(const HashFieldConfig& config, const FieldGeometry& geometry);
+    std::map<std::string, Tensor> tensors() const;
+
     HashFieldConfig config_;
     FieldGeometry geometry_;
+    std::shared_ptr<const HashNetwork> network_;
     std::map<std::string, Tensor> parameters_;
     Tensor occupancy_;
 };

@@ -1,7 +1,8 @@
 // Marching rays through the box: equal steps, cells of an occupancy grid that are empty are skipped.
 //
-// The grid is R×R×R uint8 (z, y, x) over the field's box. A ray's samples lie at t = near + (k + ½ + jitter)·step inside
-// the box; jitter ∈ [−½, ½) is one number a ray (0 when there is no random generator): cameras see the same samples again.
+// The grid is R×R×R uint8 (z, y, x) over the field's box. A ray's samples lie at t = near + (k + ½ + jitter)·step
+// inside the box; jitter ∈ [−½, ½) is one number a ray (0 when there is no random generator): cameras see the same
+// samples again.
 #pragma once
 
 #include "core/base/random.h"
@@ -11,14 +12,18 @@
 namespace fieldgraft {
 
 struct MarchOptions {
-    double step = 0;                // model units; 0: the box diagonal / 1024
+    double step = 0;  // model units; 0: the box diagonal / 1024
     double near = 0;
     Random* jitter = nullptr;
     double min_transmittance = 1e-4;  // sample_visible: what lies behind this is left out
 };
 
-// All samples in occupied cells.
-Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayBundle& rays, const MarchOptions& options);
+// The length of an interval that the options ask for.
+double march_step(const FieldGeometry& geometry, const MarchOptions& options);
+
+// All samples in occupied cells. `occupancy` may be undefined: then everywhere in the box.
+Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayBundle& rays,
+              const MarchOptions& options);
 
 // march(), then f's densities without gradients, then only the samples a ray can see (transmittance before the sample
 // above min_transmittance). Exact: transmittances are of the full march.
