@@ -1,0 +1,233 @@
+"""Held-out figures of a guidance folder, and its model card.
+
+    python models/evaluate.py models/guide [--pictures 4096] [--split heldout] [--card]
+
+Recognition is zero-shot by text: a picture's class is the word with the largest cosine, the word's embedding averaged
+over `WORD_TEMPLATES`; a picture counts for an attribute only when its caption states it. Segmentation: a pixel
+belongs to the query when its logit exceeds that of "photo"; IoU is the mean over queries whose thing shows at least
+`MIN_PIXELS` pixels; an absent query counts as left empty when at most 1 % of the picture's pixels are marked.
+The combinations of the "heldout" split (shape, material, colour) never occur in training.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+
+import torch
+from data import ROOT, Batch, load_generator_module, read_settings, to_batch
+from folder import load_folder
+from losses import ABSENT, ADDITION, ATTRIBUTE, GROUND, OBJECT, PART
+from network import Guidance, unit
+from tokenizer import CaptionTokenizer, write_text
+from torch import Tensor
+
+WORD_TEMPLATES = {
+    "shapes": ("{}", "a {}", "a photo of a {}", "a small {}"),
+    "materials": ("{}", "a {} thing", "a {} object", "something {}"),
+    "colours": ("{}", "a {} thing", "a {} object", "something {}"),
+}
+SAID = {"plain": "plastic"}  # the vocabulary's name -> the word that captions use
+MIN_PIXELS = 12
+EMPTY_SHARE = 0.01
+KIND_NAMES = {OBJECT: "objects", PART: "parts", GROUND: "ground", ATTRIBUTE: "attributes", ADDITION: "additions"}
+
+
+def article(text: str) -> str:
+    """"a orange ball" -> "an orange ball"."""
+    words = text.split(" ")
+    pairs = zip(words, [*words[1:], ""], strict=True)
+    return " ".join("an" if w == "a" and n[:1] in tuple("aeiou") else w for w, n in pairs)
+
+
+def word_prompts(vocabulary: dict[str, list[str]], attribute: str, template: str) -> list[str]:
+    return [article(template.format(SAID.get(w, w))) for w in vocabulary[attribute]]
+
+
+def word_embeddings(model: Guidance, tokenizer: CaptionTokenizer, vocabulary: dict[str, list[str]]) -> list[Tensor]:
+    """For shapes, materials, colours: K x D unit embeddings averaged over the templates."""
+    result = []
+    for attribute, templates in WORD_TEMPLATES.items():
+        each = [unit(model.encode_text(tokenizer(word_prompts(vocabulary, attribute, t)))) for t in templates]
+        result.append(unit(torch.stack(each).mean(0)))
+    return result
+
+
+class Recognition:
+    """Counts of truth against guess for one attribute."""
+
+    def __init__(self, names: list[str]) -> None:
+        self.names, self.counts = names, torch.zeros(len(names), len(names), dtype=torch.int64)
+
+    def add(self, scores: Tensor, truth: Tensor) -> None:
+        known = truth >= 0
+        for t, g in zip(truth[known].tolist(), scores[known].argmax(-1).tolist(), strict=True):
+            self.counts[t, g] += 1
+
+    def accuracy(self) -> float:
+        return float(self.counts.diagonal().sum() / self.counts.sum().clamp_min(1))
+
+    def table(self) -> str:
+        """Each word: how many, how many right, and what it is most often taken for."""
+        lines = ["| word | pictures | right | most often taken for |", "|---|---|---|---|"]
+        for i, name in enumerate(self.names):
+            row = self.counts[i].clone()
+            total, right = int(row.sum()), int(row[i])
+            row[i] = 0
+            others = [f"{self.names[j]} {int(row[j])}" for j in row.argsort(descending=True)[:3].tolist() if row[j] > 0]
+            if total:
+                lines.append(f"| {name} | {total} | {right / total:.0%} | {', '.join(others)} |")
+        return "\n".join(lines)
+
+
+class Masks:
+    """Sums of IoU by kind of query, and the share of absent queries left empty."""
+
+    def __init__(self) -> None:
+        self.iou: dict[int, list[float]] = {k: [] for k in KIND_NAMES}
+        self.empty: list[bool] = []
+
+    def add(self, marked: Tensor, masks: Tensor, kinds: Tensor) -> None:
+        both = (marked & masks).sum((1, 2))
+        either = (marked | masks).sum((1, 2)).clamp_min(1)
+        area = masks.sum((1, 2))
+        for i, kind in enumerate(kinds.tolist()):
+            if kind == ABSENT:
+                self.empty.append(bool(marked[i].float().mean() <= EMPTY_SHARE))
+            elif kind in self.iou and area[i] >= MIN_PIXELS:
+                self.iou[kind].append(float(both[i] / either[i]))
+
+    def figures(self) -> dict[str, float]:
+        result = {f"iou_{KIND_NAMES[k]}": sum(v) / len(v) for k, v in self.iou.items() if v}
+        if self.empty:
+            result["absent_left_empty"] = sum(self.empty) / len(self.empty)
+        return result
+
+
+@torch.no_grad()
+def add_batch(model: Guidance, tokenizer: CaptionTokenizer, batch: Batch, words: list[Tensor],
+              seen: list[Recognition], masks: Masks, moves: list[float]) -> None:
+    """Adds one batch's counts to `seen`, `masks` and `moves`."""
+    images = batch.images.float() / 255
+    embeddings, stages = model.visual(model.preprocess(images))
+    embeddings = unit(embeddings.float())
+    for column, recognition in enumerate(seen):
+        recognition.add(embeddings @ words[column].T, batch.attributes[:, column])
+    said = unit(model.encode_text(tokenizer(batch.captions)))
+    moved, told = unit(embeddings[::2] - embeddings[1::2], 1e-2), unit(said[::2] - said[1::2], 1e-2)
+    moves.extend((moved * told).sum(-1).tolist())
+    texts = sorted({q for row in batch.queries for q in row} | {"photo"})
+    place = {t: i for i, t in enumerate(texts)}
+    text = unit(model.encode_text(tokenizer(texts)))
+    size = images.shape[-1]
+
+    def logits(index: Tensor) -> Tensor:
+        out = model.decoder(stages, text[index], torch.arange(len(index)))[:, None].float()
+        return torch.nn.functional.interpolate(out, (size, size), mode="bilinear", align_corners=False)[:, 0]
+
+    neutral = logits(torch.full((len(images),), place["photo"]))
+    for q in range(batch.kinds.shape[1]):
+        asked = logits(torch.tensor([place[row[q]] for row in batch.queries]))
+        masks.add(asked > neutral, batch.masks[:, q].bool(), batch.kinds[:, q])
+
+
+def evaluate(model: Guidance, tokenizer: CaptionTokenizer, generator: Any, pictures: int,
+             pairs: int = 32) -> tuple[dict[str, float], list[Recognition]]:
+    """Figures by name (shares in [0, 1]) over at least `pictures` pictures of the generator, and the confusions."""
+    was_training = model.training
+    model.eval()
+    vocabulary = generator.vocabulary()
+    with torch.no_grad():
+        words = word_embeddings(model, tokenizer, vocabulary)
+    seen = [Recognition(list(vocabulary[a])) for a in WORD_TEMPLATES]
+    masks, moves = Masks(), []
+    done = 0
+    while done < pictures:
+        add_batch(model, tokenizer, to_batch(generator.batch(pairs, threads=1)), words, seen, masks, moves)
+        done += 2 * pairs
+    model.train(was_training)
+    figures = {name: r.accuracy() for name, r in zip(("shape", "material", "colour"), seen, strict=True)}
+    figures.update(masks.figures())
+    figures["direction_cosine"] = sum(moves) / len(moves)
+    return figures, seen
+
+
+def heldout_generator(split: str = "heldout", seed: int = 20261) -> Any:
+    """The frozen held-out test: its settings file is fixed by a hash in the repository."""
+    settings = ROOT / "models" / "generator" / "heldout_settings.json"
+    text = read_settings(settings) if settings.exists() else ""
+    return load_generator_module().Generator(seed=seed, split=split, size=64, settings=text)
+
+
+TARGETS = {"colour": 0.92, "material": 0.80, "shape": 0.85, "iou_objects": 0.65, "iou_parts": 0.40, "iou_ground": 0.40,
+           "absent_left_empty": 0.85}
+
+
+def card(name: str, config: dict[str, Any], figures: dict[str, float], seen: list[Recognition], history: str,
+         pictures: int, vocabulary: dict[str, list[str]]) -> str:
+    """The model card: what it is, what it knows, its figures, its confusions."""
+    role = ("guides edits" if name == "guide" else
+            "only judges edits (S_CLIP, MP_CLIP); it never guides, and was trained on another split with another seed")
+    rows = [f"| {k} | {v:.3f} | {'' if k not in TARGETS else f'{TARGETS[k]:.2f}'} |" for k, v in figures.items()]
+    known = "\n".join(f"* {k}: {', '.join(SAID.get(w, w) for w in v)}" for k, v in vocabulary.items())
+    titled = zip(("Shapes", "Materials", "Colours"), seen, strict=True)
+    tables = "\n\n".join(f"### {n}\n\n{r.table()}" for n, r in titled)
+    vision, segmenter = config["vision_config"], config["segmenter_config"]
+    return f"""# Built-in guidance model: {name}
+
+A small model of CLIP's form that {role}. Trained by `models/train.py` only on pictures made by `models/generator`
+(no photographs, no downloaded weights). It knows the words below and nothing else: for anything beyond them, put
+OpenAI's CLIP and CLIPSeg in its place (same folder layout).
+
+Trunk: modified ResNet, width {vision["width"]}, blocks {vision["layers"]}, pictures of {vision["image_size"]} pixels a
+side; embeddings of {config["projection_dim"]}; segmenter: FiLM pyramid of width {segmenter["reduce_dim"]}.
+{history}
+
+## Figures on held-out combinations
+
+{pictures} generated pictures whose (shape, material, colour) combinations never occur in training; zero-shot by text.
+`python models/evaluate.py models/{name} --pictures {pictures}` prints them again.
+
+| figure | measured | aim |
+|---|---|---|
+{chr(10).join(rows)}
+
+## What it knows
+
+{known}
+
+## Confusions
+
+{tables}
+"""
+
+
+def write_figures(folder: Path, figures: dict[str, float]) -> None:
+    rounded = {k: round(v, 4) for k, v in figures.items()}
+    write_text(folder / "figures.json", json.dumps(rounded, indent=1) + "\n")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("folder", type=Path)
+    parser.add_argument("--pictures", type=int, default=4096)
+    parser.add_argument("--split", default="heldout")
+    parser.add_argument("--threads", type=int, default=1)
+    parser.add_argument("--card", action="store_true", help="write the folder's README.md")
+    parser.add_argument("--history", default="", help="a line about the training for the card")
+    args = parser.parse_args()
+    torch.set_num_threads(args.threads)
+    model, tokenizer = load_folder(args.folder)
+    generator = heldout_generator(args.split)
+    figures, seen = evaluate(model, tokenizer, generator, args.pictures)
+    print(json.dumps({k: round(v, 4) for k, v in figures.items()}))
+    if args.card:
+        text = card(args.folder.name, model.config, figures, seen, args.history, args.pictures, generator.vocabulary())
+        write_text(args.folder / "README.md", text)
+        write_figures(args.folder, figures)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,96 @@
+"""The losses that train the guidance model. All take float32; embeddings of length 1 are called unit embeddings.
+
+* `attribute_loss`  cross-entropy of cos(E(I), E(word)) over the vocabulary's words; unsaid attributes (-1) are skipped.
+* `contrastive_loss` symmetric InfoNCE (CLIP, sec. 2.3) between pictures and captions; a caption that may be true of
+  another picture too (attribute truth agrees wherever both are said) is no negative there.
+* `direction_loss`  the same between picture differences u(E(I1)) - u(E(I2)) and caption differences over the pairs:
+  what a directional edit loss measures (StyleGAN-NADA, sec. 4.1); norms softened, as twins may be alike.
+* `mask_loss`       balanced cross-entropy plus Dice for things that are there, cross-entropy for absent ones, and a
+  pull of "photo" to logit 0, which makes "photo" a neutral threshold.
+"""
+
+from __future__ import annotations
+
+import torch
+from network import unit
+from torch import Tensor
+from torch.nn import functional as F
+
+OBJECT, PART, GROUND, ABSENT, ATTRIBUTE, PHOTO, ADDITION = range(7)
+SOFTNESS = 1e-2
+
+
+def attribute_loss(images: Tensor, words: list[Tensor], truth: Tensor, scale: Tensor) -> Tensor:
+    """images N x D unit; words: for each attribute K_a x D unit; truth N x A, -1 where unsaid."""
+    losses = []
+    for column, embeddings in enumerate(words):
+        known = truth[:, column] >= 0
+        if known.any():
+            logits = scale * images[known] @ embeddings.T
+            losses.append(F.cross_entropy(logits, truth[known, column]))
+    return torch.stack(losses).sum() if losses else images.sum() * 0
+
+
+def head_loss(logits: list[Tensor], truth: Tensor) -> Tensor:
+    """Cross-entropy of plain linear heads over the same attributes."""
+    return torch.stack([F.cross_entropy(x, truth[:, i], ignore_index=-1, reduction="sum") / (truth[:, i] >= 0).sum()
+                        .clamp_min(1) for i, x in enumerate(logits)]).sum()
+
+
+def compatible(truth: Tensor) -> Tensor:
+    """N x N: could caption j be true of picture i? Said attributes agree or are unsaid in one of them."""
+    a, b = truth[:, None], truth[None]
+    return ((a == b) | (a < 0) | (b < 0)).all(-1)
+
+
+def contrastive_loss(images: Tensor, texts: Tensor, truth: Tensor, captions: list[str], scale: Tensor) -> Tensor:
+    """Unit embeddings N x D, twins in neighbouring rows. A twin's caption is always a negative: telling the two apart
+    is the point, even where the vaguer caption is true of both."""
+    n = len(images)
+    row = torch.arange(n, device=images.device)
+    mask = compatible(truth)
+    mask[row, row ^ 1] = False
+    same = {c: i for i, c in enumerate(dict.fromkeys(captions))}
+    ids = torch.tensor([same[c] for c in captions], device=images.device)
+    mask |= ids[:, None] == ids[None]
+    mask[row, row] = False
+    logits = (scale * images @ texts.T).masked_fill(mask, -1e4)
+    return 0.5 * (F.cross_entropy(logits, row) + F.cross_entropy(logits.T, row))
+
+
+def change_keys(captions: list[str]) -> list[tuple[frozenset[str], frozenset[str]]]:
+    """What each pair's captions differ in: the words only the first and only the second has."""
+    words = [frozenset(c.split()) for c in captions]
+    return [(a - b, b - a) for a, b in zip(words[::2], words[1::2], strict=True)]
+
+
+def direction_loss(images: Tensor, texts: Tensor, captions: list[str], scale: float = 10.0) -> Tensor:
+    """Unit embeddings, twins in neighbouring rows; equal changes are no negatives of each other."""
+    moved = unit(images[::2] - images[1::2], SOFTNESS)
+    said = unit(texts[::2] - texts[1::2], SOFTNESS)
+    keys = change_keys(captions)
+    first = {k: i for i, k in enumerate(dict.fromkeys(keys))}
+    ids = torch.tensor([first[k] for k in keys], device=images.device)
+    row = torch.arange(len(keys), device=images.device)
+    equal = (ids[:, None] == ids[None]) & (row[:, None] != row[None])
+    logits = (scale * moved @ said.T).masked_fill(equal, -1e4)
+    pull = 1 - (moved * said).sum(-1).mean()
+    return 0.5 * (F.cross_entropy(logits, row) + F.cross_entropy(logits.T, row)) + pull
+
+
+def mask_loss(logits: Tensor, masks: Tensor, valid: Tensor, kinds: Tensor) -> Tensor:
+    """logits M x S x S; masks and valid bool alike; kinds M. A mean over queries."""
+    valid = valid.float()
+    area = valid.sum((1, 2)).clamp_min(1)
+    target = masks.float()
+    cross = F.binary_cross_entropy_with_logits(logits, target, reduction="none") * valid
+    photo = kinds == PHOTO
+    present = (kinds != ABSENT) & ~photo & ((target * valid).sum((1, 2)) > 0)
+    # Half of the weight for the plain mean, half for the thing's own pixels: small parts count as much as large ones.
+    inside = (cross * target).sum((1, 2)) / (target * valid).sum((1, 2)).clamp_min(1)
+    plain = cross.sum((1, 2)) / area
+    chance = torch.sigmoid(logits) * valid
+    dice = 1 - (2 * (chance * target).sum((1, 2)) + 1) / (chance.sum((1, 2)) + (target * valid).sum((1, 2)) + 1)
+    level = (F.softplus(logits) - 0.5 * logits - 0.6931472) * valid  # cross-entropy to one half, less its least value
+    loss = torch.where(present, plain + 0.3 * inside + dice, 2 * plain)
+    return torch.where(photo, level.sum((1, 2)) / area, loss).mean()

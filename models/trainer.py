@@ -1,0 +1,234 @@
+"""One training step of each stage, and the state that survives between runs.
+
+Stage 1 teaches the trunk to recognise: cross-entropy of plain heads and of the vocabulary's words.
+Stage 2 adds captions (contrastive), twins (direction) and masks (segmenter), keeping the word cross-entropy.
+Stage 3 is stage 2 on one-step adversarial pictures: x + r g/|g| with r drawn from [0, 1.5] (L2 over the whole
+picture), which makes the gradients that later drive an edit follow what is seen. The learning rate falls to 5 %.
+Exported weights are an exponential average of the steps, so any moment gives a usable snapshot.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import losses
+import torch
+from data import Augmented, Batch, augment, choose_queries
+from evaluate import WORD_TEMPLATES, word_prompts
+from network import Guidance, unit
+from torch import Tensor, nn
+from torch.nn import functional as F
+from workers import GOING
+
+# A query's chance by kind: object, part, ground, absent, attribute only, photo, addition.
+QUERY_WEIGHTS = (1.0, 1.3, 1.3, 1.0, 0.6, 0.15, 1.0)
+QUERIES = 0.6  # queries a picture and step
+WARP = {1: 0.5, 2: 0.7, 3: 0.7}
+WORD_STEPS = {1: 4, 2: 2, 3: 2}  # the words' cross-entropy is taken every so many steps
+DECODER_SHARE = {2: 0.3, 3: 0.3}  # how much of the segmenter's gradient reaches the towers
+AVERAGE = 0.998
+MAX_RADIUS = 1.5
+WARM_UP = 60
+
+
+@dataclass
+class Progress:
+    """Where training stands: minutes are of training time in the current stage."""
+
+    stage: int = 1
+    minutes: float = 0.0
+    steps: int = 0
+    stage_steps: int = 0
+    pictures: int = 0
+    seconds: float = 0.0
+    done: list[int] = field(default_factory=list)
+
+
+def gradient_share(x: Tensor, share: float) -> Tensor:
+    """x forward; `share` of its gradient backward."""
+    return x.detach() + share * (x - x.detach())
+
+
+def adversarial(images: Tensor, gradient: Tensor, rng: torch.Generator) -> Tensor:
+    """One step up the loss, of random length (L2, at most MAX_RADIUS, none for a third of the pictures), in [0, 1]."""
+    length = gradient.flatten(1).norm(dim=1).clamp_min(1e-12)
+    radius = torch.rand(len(images), generator=rng) * MAX_RADIUS
+    radius[torch.rand(len(images), generator=rng) < 1 / 3] = 0
+    step = (radius.to(images.device) / length).view(-1, 1, 1, 1)
+    return (images + step * gradient).clamp(0, 1).detach()
+
+
+class Trainer:
+    """Model, optimiser, average and position; `step` does one batch."""
+
+    def __init__(self, config: dict[str, Any], tokenizer: Any, vocabulary: dict[str, list[str]], seed: int,
+                 device: str = "cpu", rate: float = 1.5e-3) -> None:
+        torch.manual_seed(seed)
+        self.config, self.tokenizer, self.vocabulary = config, tokenizer, vocabulary
+        self.device, self.rate, self.workers = device, rate, None
+        self.wish = self.stop = GOING  # what this rank wants, and what all have agreed on
+        self.rng = torch.Generator().manual_seed(seed)
+        self.model = Guidance(config).to(device, memory_format=torch.channels_last)
+        sizes = [len(vocabulary[a]) for a in WORD_TEMPLATES]
+        self.heads = nn.ModuleList(nn.Linear(config["projection_dim"], k) for k in sizes).to(device)
+        self.word_scale = nn.Parameter(torch.tensor(math.log(20.0), device=device))
+        self.optimiser = torch.optim.AdamW(self._groups(), lr=rate, betas=(0.9, 0.98), eps=1e-6, fused=True)
+        self.progress = Progress()
+        self.average = {k: v.detach().clone().float() for k, v in self.model.state_dict().items()}
+        self.recent: dict[str, float] = {}
+
+    def _groups(self) -> list[dict[str, Any]]:
+        """Matrices decay, vectors do not; the text tower learns at half the rate."""
+        groups: dict[tuple[bool, bool], list[Tensor]] = {}
+        named = [*self.model.named_parameters(), *self.heads.named_parameters(), ("word_scale", self.word_scale)]
+        for name, p in named:
+            groups.setdefault((name.startswith("text_"), p.ndim > 1), []).append(p)
+        return [{"params": v, "weight_decay": 0.05 if matrix else 0.0, "share": 0.5 if text else 1.0}
+                for (text, matrix), v in groups.items()]
+
+    # ---- one step -------------------------------------------------------------------------------------------------
+
+    def encode(self, texts: list[str]) -> Tensor:
+        return unit(self.model.encode_text(self.tokenizer(texts).to(self.device)))
+
+    def words(self) -> list[Tensor]:
+        """The vocabulary's words under one random template each time."""
+        result = []
+        for attribute, templates in WORD_TEMPLATES.items():
+            pick = int(torch.randint(len(templates), (1,), generator=self.rng))
+            result.append(word_prompts(self.vocabulary, attribute, templates[pick]))
+        flat = self.encode([w for words in result for w in words])
+        return list(flat.split([len(words) for words in result]))
+
+    def templated(self, captions: list[str]) -> list[str]:
+        """A third of the captions inside one of the model's own templates."""
+        templates = self.config["templates"]
+        dice = torch.rand(len(captions), 2, generator=self.rng)
+        return [templates[int(d[1] * len(templates))].format(c) if d[0] < 0.33 and "photo" not in c else c
+                for c, d in zip(captions, dice, strict=True)]
+
+    def tower_losses(self, images: Tensor, batch: Batch, words: list[Tensor], captions: Tensor | None,
+                     truth: Tensor) -> tuple[dict[str, Tensor], list[Tensor]]:
+        """All losses on the picture embedding, and the trunk's activations."""
+        embeddings, stages = self.model.visual(self.model.preprocess(images))
+        embeddings = embeddings.float()
+        seen = unit(embeddings)
+        out = {"heads": losses.head_loss([h(embeddings).float() for h in self.heads], truth)}
+        if words:
+            out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp())
+        if captions is not None:
+            scale = self.model.logit_scale.clamp(max=4.6).exp()
+            out["captions"] = losses.contrastive_loss(seen, captions, truth, batch.captions, scale)
+            out["twins"] = losses.direction_loss(seen, captions, batch.captions)
+        return out, stages
+
+    WEIGHTS = {"words": 1.0, "heads": 0.7, "captions": 1.0, "twins": 0.5, "masks": 2.0}
+
+    def total(self, parts: dict[str, Tensor]) -> Tensor:
+        return torch.stack([self.WEIGHTS[k] * v for k, v in parts.items()]).sum()
+
+    def step(self, batch: Batch, fraction: float) -> dict[str, float]:
+        """One optimiser step; `fraction` of the stage's time that has passed sets the learning rate."""
+        stage = self.progress.stage
+        count = len(batch.captions)
+        rows = columns = torch.zeros(0, dtype=torch.int64)
+        if stage > 1:
+            rows, columns = choose_queries(batch, int(QUERIES * count), self.rng, QUERY_WEIGHTS)
+        made = augment(batch, rows, columns, self.config["augmentation"], self.rng, WARP[stage])
+        images, truth = made.images.to(self.device), batch.attributes.to(self.device)
+        self.set_rate(fraction)
+        with torch.autocast(self.device, torch.bfloat16):
+            words = self.words() if self.progress.steps % WORD_STEPS[stage] == 0 else []
+            captions = self.encode(self.templated(batch.captions)) if stage > 1 else None
+            if stage == 3:
+                images = self.attack(images, batch, words, captions, truth)
+            parts, stages = self.tower_losses(images, batch, words, captions, truth)
+            if stage > 1:
+                parts["masks"] = self.mask_part(stages, batch, rows, columns, made)
+            loss = self.total(parts)
+        self.optimiser.zero_grad()
+        loss.backward()
+        parameters = [p for g in self.optimiser.param_groups for p in g["params"]]
+        self.stop = self.workers.average(parameters, self.wish) if self.workers is not None else self.wish
+        norm = nn.utils.clip_grad_norm_(parameters, 5.0)
+        if bool(torch.isfinite(norm)):
+            self.optimiser.step()
+        self.advance(count * (self.workers.count if self.workers is not None else 1))
+        values = {k: float(v.detach()) for k, v in parts.items()}
+        for k, v in values.items():
+            self.recent[k] = 0.95 * self.recent.get(k, v) + 0.05 * v
+        return values
+
+    def attack(self, images: Tensor, batch: Batch, words: list[Tensor], captions: Tensor | None,
+               truth: Tensor) -> Tensor:
+        images = images.requires_grad_()
+        parts, _ = self.tower_losses(images, batch, [w.detach() for w in words],
+                                     None if captions is None else captions.detach(), truth)
+        gradient = torch.autograd.grad(self.total(parts), images)[0]
+        return adversarial(images.detach(), gradient.float(), self.rng)
+
+    def mask_part(self, stages: list[Tensor], batch: Batch, rows: Tensor, columns: Tensor, made: Augmented) -> Tensor:
+        share = DECODER_SHARE[self.progress.stage]
+        texts = [batch.queries[r][c] for r, c in zip(rows.tolist(), columns.tolist(), strict=True)]
+        place = {t: i for i, t in enumerate(dict.fromkeys(texts))}
+        text = gradient_share(self.encode(list(place)), share)[[place[t] for t in texts]]
+        stages = [gradient_share(s, share) for s in stages]
+        logits = self.model.decoder(stages, text, rows.to(self.device))[:, None].float()
+        size = made.images.shape[-1]
+        logits = F.interpolate(logits, (size, size), mode="bilinear", align_corners=False)[:, 0]
+        return losses.mask_loss(logits, made.masks.to(self.device), made.valid[rows].to(self.device),
+                                batch.kinds[rows, columns].to(self.device))
+
+    # ---- bookkeeping ----------------------------------------------------------------------------------------------
+
+    def set_rate(self, fraction: float) -> None:
+        rate = self.rate * min(1.0, (self.progress.stage_steps + 1) / WARM_UP)
+        if self.progress.stage == 3:
+            rate *= 0.05 + 0.95 * 0.5 * (1 + math.cos(math.pi * min(1.0, fraction)))
+        for group in self.optimiser.param_groups:
+            group["lr"] = rate * group["share"]
+
+    def advance(self, count: int) -> None:
+        self.progress.steps += 1
+        self.progress.stage_steps += 1
+        self.progress.pictures += count
+        if self.progress.steps % 4 == 0:
+            keep = min(AVERAGE, (self.progress.steps + 1) / (self.progress.steps + 40)) ** 4
+            with torch.no_grad():
+                for k, v in self.model.state_dict().items():
+                    self.average[k].lerp_(v.float(), 1 - keep)
+
+    def averaged(self) -> Guidance:
+        """The averaged model, for evaluation and export."""
+        model = Guidance(self.config)
+        model.load_state_dict(self.average)
+        return model.to(memory_format=torch.channels_last).eval()
+
+    def save(self, path: Path) -> None:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        part = path.with_name(path.name + ".part")
+        torch.save({"config": self.config, "model": self.model.state_dict(), "heads": self.heads.state_dict(),
+                    "word_scale": self.word_scale.detach(), "optimiser": self.optimiser.state_dict(),
+                    "average": self.average, "progress": vars(self.progress), "rng": self.rng.get_state(),
+                    "saved": time.time()}, part)
+        os.replace(part, path)
+
+    def restore(self, path: Path) -> None:
+        saved = torch.load(path, map_location=self.device, weights_only=True)
+        self.model.load_state_dict(saved["model"])
+        self.heads.load_state_dict(saved["heads"])
+        self.word_scale.data.copy_(saved["word_scale"])
+        self.optimiser.load_state_dict(saved["optimiser"])
+        self.average = {k: v.float() for k, v in saved["average"].items()}
+        self.progress = Progress(**saved["progress"])
+        self.rng.set_state(saved["rng"].cpu())
+
+    def adopt(self, other: Guidance) -> None:
+        """Start from another model's weights (a shipped folder); the optimiser and the heads start afresh."""
+        self.model.load_state_dict(other.state_dict())
+        self.average = {k: v.detach().clone().float() for k, v in self.model.state_dict().items()}
