@@ -61,23 +61,38 @@ struct Sample {
     Real alpha_o() const { return M::remove ? -std::expm1(-depth_o) : unit_kept; }
 };
 
-// ∂(unit_kept, unit_e)/∂(depth_kept, depth_e).
+// Derivatives of x·unit_kept + y·unit_e by depth_kept and by depth_e.
 template <class Real, class M>
-struct UnitDerivatives {
-    Real kept_by_kept, kept_by_e = 0, e_by_kept = 0, e_by_e = 0;
+struct UnitSlopes {
+    Real depth_kept, depth_e, depth;
+    Real through_kept = 0, through_e = 0;  // paper
+    Real share = 0, slope_or_through = 0;  // conserving: φ, and φ' (thin) or e⁻ˣ (thick)
+    bool thin = false;
 
-    explicit UnitDerivatives(const Sample<Real, M>& s) {
+    explicit UnitSlopes(const Sample<Real, M>& s) : depth_kept(s.depth_kept), depth_e(s.depth_e), depth(s.depth()) {
         if constexpr (M::conserving) {
-            const Real share = phi(s.depth()), slope = phi_derivative(s.depth());
-            kept_by_e = s.depth_kept * slope;
-            e_by_kept = s.depth_e * slope;
-            kept_by_kept = share + kept_by_e;
-            e_by_e = share + e_by_kept;
+            share = phi(depth);
+            thin = depth < Real(0.5);
+            slope_or_through = thin ? phi_derivative(depth) : std::exp(-depth);
         } else {
-            kept_by_kept = std::exp(-s.depth_kept);
-            if constexpr (M::add) e_by_e = std::exp(-s.depth_e);
+            through_kept = std::exp(-depth_kept);
+            if constexpr (M::add) through_e = std::exp(-depth_e);
         }
     }
+    Real by_kept(Real x, Real y) const {
+        if constexpr (!M::conserving) return through_kept * x;
+        if (thin) return share * x + slope_or_through * (depth_kept * x + depth_e * y);
+        return depth_e / depth * share * (x - y) + mixed(x, y);
+    }
+    Real by_e(Real x, Real y) const {
+        if constexpr (!M::conserving) return through_e * y;
+        if (thin) return share * y + slope_or_through * (depth_kept * x + depth_e * y);
+        return depth_kept / depth * share * (y - x) + mixed(x, y);
+    }
+
+  private:
+    // depth·φ' = e⁻ˣ − φ has been put in above: a φ' + φ cancels where one medium is all there is.
+    Real mixed(Real x, Real y) const { return slope_or_through * (depth_kept / depth * x + depth_e / depth * y); }
 };
 
 // Depths in front of the sample at hand, and the transmittances they give.
@@ -236,7 +251,7 @@ template <class Real, class M>
 void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, std::int64_t k, const RayGradient<Real>& g,
                      const Passed<Real>& passed, Sum removed_scale, Behind& behind) {
     const Sample<Real, M> s(in, k);
-    const UnitDerivatives<Real, M> d(s);
+    const UnitSlopes<Real, M> slopes(s);
     const Real t = passed.transmittance, kept = t * s.unit_kept, edit = t * s.unit_e;
     const Real* color_o = in.color_o + 3 * k;
     // by_kept, by_e: what a unit of wᵒ, of wᵉ is worth.
@@ -255,7 +270,7 @@ void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, s
         for (int c = 0; c < 3; ++c) out.color_e[3 * k + c] = share * (g.color[c] + g.color_edit[c]);
     }
     if constexpr (M::remove) {
-        const Real to_depth = Real(t * (d.kept_by_kept * by_kept + d.e_by_kept * by_e) - behind.light);
+        const Real to_depth = Real(t * slopes.by_kept(by_kept, by_e) - behind.light);
         Sum to_map = 0;
         if (removed_scale > 0) {
             to_map = M::paper_map ? s.depth_o * (behind.uncovered / removed_scale)
@@ -265,7 +280,7 @@ void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, s
         if constexpr (M::paper_map) behind.uncovered += Sum(passed.map) * s.alpha_o();
     }
     if constexpr (M::add) {
-        const Sum to_depth = t * (d.kept_by_e * by_kept + d.e_by_e * (by_e + g.added)) - behind.light - behind.added;
+        const Sum to_depth = t * slopes.by_e(by_kept, by_e + g.added) - behind.light - behind.added;
         out.density_e[k] = s.depth_e < depth_limit<Real> ? in.delta[k] * Real(to_depth) : Real(0);
         behind.added += edit * g.added;
     }

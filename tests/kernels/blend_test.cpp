@@ -217,6 +217,8 @@ Rays<float> hard_ray(double depth_o, double depth_e, double beta, int samples) {
     return rays;
 }
 
+long double clamped(float depth) { return std::min<long double>(depth, 1e30L); }
+
 void check_hard_forward(const BlendMode& mode, const Rays<float>& rays) {
     const auto out = forward(mode, rays);
     const auto expected = oracle::blend(mode, oracle_ray(rays, 0, 0));
@@ -226,9 +228,7 @@ void check_hard_forward(const BlendMode& mode, const Rays<float>& rays) {
     const long double tolerance = 1e-6L * expected.weight_bound;
     // exp(−A): the depth's own rounding (2⁻²³ relative) is a relative error of T in proportion to A.
     long double depth = 0;
-    for (std::size_t k = 0; k < rays.delta.size(); ++k) {
-        depth += std::min<long double>(rays.density_o[k], 1e30L) + std::min<long double>(rays.density_e[k], 1e30L);
-    }
+    for (std::size_t k = 0; k < rays.delta.size(); ++k) depth += clamped(rays.density_o[k]) + clamped(rays.density_e[k]);
     ASSERT_TRUE(near(out.transmittance[0], expected.transmittance.value,
                      std::min(1.0L, 1e-6L * (1 + depth)) * expected.transmittance.value + 2e-38L));
     ASSERT_TRUE(near(out.color[0], expected.color.value, tolerance)) << out.color[0] << " " << double(expected.color.value);
@@ -260,8 +260,11 @@ void check_hard_backward(const BlendMode& mode, Rays<float> rays, bool against_o
             const auto expected = oracle::blend(mode, ray);
             const long double right = expected.color.slope + expected.color_edit.slope + expected.alpha_edit.slope +
                                       expected.transmittance.slope;
-            const long double depth = std::min<long double>(rays.density_o[k], 1e30L);
-            const long double scale = head == 2 ? std::min(depth, 1e4L) : 1;
+            // beta_density's is depth_o times (light of this sample − light behind it): that difference has their rounding.
+            const long double depth = clamped(rays.density_o[k]), kept = depth * (1 - (long double)rays.beta_density[k]);
+            const long double both = kept + clamped(rays.density_e[k]), front = both > 0 ? expl(-both * k) : 1;
+            const long double light = front * std::max(both > 0 ? -expm1l(-both) / both : 1, expl(-kept));
+            const long double scale = head == 2 ? depth * (light + 2e-33L) : 1;  // weights below 1e-38 are lost
             ASSERT_NEAR(grads[head][head == 1 ? 3 * k : k], right, 1e-5L * (std::fabs(right) + scale) + 1e-37L)
                 << "head " << head << " sample " << k;
         }
