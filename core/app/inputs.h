@@ -3,8 +3,10 @@
 
 #include <memory>
 #include <string>
+#include <utility>
 #include <vector>
 
+#include "core/base/progress.h"
 #include "core/field/edit_field.h"
 #include "core/field/radiance_field.h"
 #include "core/scene/scene.h"
@@ -19,21 +21,24 @@ struct FieldWithEdits {
     std::shared_ptr<RadianceField> field;
     std::vector<EditFile> edits;  // bottom of the stack first
 };
-// FILES[0] is the field, the rest are edits over it. Another field's edit throws InputError; an edit trained over another
+// files[0] is the field, the rest are edits over it. Another field's edit throws InputError; an edit trained over another
 // stack is a warning.
 FieldWithEdits load_field_and_edits(const std::vector<std::string>& files, const Reporter& reporter);
 
-// A view to render: its camera in model coordinates and the name its pictures get.
-struct NamedCamera {
-    std::string name;
-    Camera camera;
-};
-// The views of a scene's split whose names are in `only` (all when empty). Throws InputError for a name that is not there.
-std::vector<const View*> select_views(const Scene& scene, const std::string& split, const std::vector<std::string>& only);
+// The views of a scene's split, or those of them that are named. Throws InputError for a name that is not there, and for a
+// split that has no views.
+std::vector<View> select_views(const Scene& scene, const std::string& split, const std::vector<std::string>& only);
 
-// "VIEW:FILE" arguments → pairs; throws InputError when the colon or either side is missing.
-std::vector<std::pair<std::string, std::string>> parse_view_files(const std::vector<std::string>& arguments,
-                                                                  const std::string& flag);
+// The scene whose camera poses and pictures belong to this field; throws InputError when its frame is another one.
+Scene load_scene_of(const RadianceField& field, const std::string& path, const std::vector<std::string>& splits,
+                    const Reporter& reporter);
+
+struct NamedFile {
+    std::string view, file;
+};
+// VIEW:FILE; throws InputError when the colon or either side is missing.
+NamedFile parse_view_file(const std::string& argument, const std::string& flag);
+
 // "white" | "black" → 3 floats; "transparent" → an undefined tensor.
 Tensor background_color(const std::string& name);
 
