@@ -1,0 +1,10 @@
+// What module.cpp calls: each room's bindings, one function and one file a room.
+#pragma once
+
+#include <pybind11/pybind11.h>
+
+namespace fieldgraft {
+
+void bind_guidance(pybind11::module_& m);
+
+}  // namespace fieldgraft
