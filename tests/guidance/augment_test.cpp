@@ -10,9 +10,13 @@ namespace {
 const Tensor white = at::ones({3});
 
 // A neutral entry in second place goes through the arithmetic; the first one only marks it.
-std::vector<Augmentation> second(const Augmentation& a) { return {Augmentation{}, a}; }
+std::vector<Augmentation> second(const Augmentation& a) {
+    return {Augmentation{}, a};
+}
 
-double largest_difference(const Tensor& a, const Tensor& b) { return (a - b).abs().max().item<double>(); }
+double largest_difference(const Tensor& a, const Tensor& b) {
+    return (a - b).abs().max().item<double>();
+}
 
 TEST(Augment, NeutralParametersChangeNothing) {
     Random random(1);
@@ -134,7 +138,9 @@ TEST(Augment, GradientMatchesFiniteDifferences) {
 TEST(Augment, BadShapesAreNamed) {
     Random random(1);
     const auto augmentations = draw_augmentations({.copies = 2}, random);
-    EXPECT_NE(message_of<std::invalid_argument>([&] { augment(at::zeros({2, 3, 4, 4}), augmentations, white); }).find("[2, 3, 4, 4]"),
+    EXPECT_NE(message_of<std::invalid_argument>([&] {
+                  augment(at::zeros({2, 3, 4, 4}), augmentations, white);
+              }).find("[2, 3, 4, 4]"),
               std::string::npos);
     EXPECT_THROW(augment(at::zeros({1, 3, 4, 4}, torch::kInt), augmentations, white), std::invalid_argument);
     EXPECT_THROW(augment(at::zeros({1, 3, 4, 4}), augmentations, at::ones({4})), std::invalid_argument);

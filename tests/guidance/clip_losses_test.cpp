@@ -7,7 +7,9 @@
 namespace fieldgraft {
 namespace {
 
-Tensor numbers(std::initializer_list<double> values) { return at::tensor(at::ArrayRef<double>(values), torch::kDouble); }
+Tensor numbers(std::initializer_list<double> values) {
+    return at::tensor(at::ArrayRef<double>(values), torch::kDouble);
+}
 
 TEST(ClipLosses, ClosedForms) {
     EXPECT_NEAR(soft_norm(numbers({3, 4}), 12).item<double>(), 13, 1e-12);
@@ -24,8 +26,10 @@ TEST(ClipLosses, ClosedForms) {
     // Moved from e1 to e2 as the texts did: a difference of length √2, softened by ε.
     const Tensor before = numbers({1, 0, 0}).unsqueeze(0), after = numbers({0, 5, 0}).unsqueeze(0);
     const double epsilon = 1e-2, expected = 1 - std::sqrt(2.0) / std::sqrt(2 + epsilon * epsilon);
-    EXPECT_NEAR(directional_loss(before, after, numbers({3, 0, 0}), numbers({0, 2, 0})).item<double>(), expected, 1e-12);
-    EXPECT_NEAR(directional_loss(after, before, numbers({3, 0, 0}), numbers({0, 2, 0})).item<double>(), 2 - expected, 1e-12);
+    EXPECT_NEAR(directional_loss(before, after, numbers({3, 0, 0}), numbers({0, 2, 0})).item<double>(), expected,
+                1e-12);
+    EXPECT_NEAR(directional_loss(after, before, numbers({3, 0, 0}), numbers({0, 2, 0})).item<double>(), 2 - expected,
+                1e-12);
 }
 
 TEST(ClipLosses, TheStartIsFiniteAndTame) {
@@ -50,20 +54,28 @@ TEST(ClipLosses, TheStartIsFiniteAndTame) {
 
 TEST(ClipLosses, GradientsMatchFiniteDifferences) {
     Random random(7);
-    const Tensor before = normal(random, {3, 10}, 1, torch::kDouble), after = normal(random, {3, 10}, 1, torch::kDouble);
+    const Tensor before = normal(random, {3, 10}, 1, torch::kDouble),
+                 after = normal(random, {3, 10}, 1, torch::kDouble);
     const Tensor source = normal(random, {10}, 1, torch::kDouble), target = normal(random, {10}, 1, torch::kDouble);
     EXPECT_LT(gradient_error([&](const Tensor& x) { return global_loss(x, target); }, after, random), 1e-7);
-    EXPECT_LT(gradient_error([&](const Tensor& x) { return directional_loss(before, x, source, target); }, after, random), 1e-7);
-    EXPECT_LT(gradient_error([&](const Tensor& x) { return directional_loss(x, after, source, target); }, before, random), 1e-7);
+    EXPECT_LT(
+        gradient_error([&](const Tensor& x) { return directional_loss(before, x, source, target); }, after, random),
+        1e-7);
+    EXPECT_LT(
+        gradient_error([&](const Tensor& x) { return directional_loss(x, after, source, target); }, before, random),
+        1e-7);
     // Close to the start the curvature is 1/ε²: a smaller step.
     const Tensor near = before + 1e-3 * after;
-    EXPECT_LT(gradient_error([&](const Tensor& x) { return directional_loss(before, x, source, target); }, near, random), 1e-5);
+    EXPECT_LT(
+        gradient_error([&](const Tensor& x) { return directional_loss(before, x, source, target); }, near, random),
+        1e-5);
 }
 
 TEST(ClipLosses, BadInputIsRefused) {
     const Tensor images = at::rand({2, 4}), text = at::rand({4});
-    EXPECT_NE(message_of<InputError>([&] { directional_loss(images, images, text, text * 3); }).find("the same to the model"),
-              std::string::npos);
+    EXPECT_NE(
+        message_of<InputError>([&] { directional_loss(images, images, text, text * 3); }).find("the same to the model"),
+        std::string::npos);
     EXPECT_THROW(global_loss(images, at::rand({5})), std::invalid_argument);
     EXPECT_THROW(directional_loss(images, at::rand({3, 4}), text, at::rand({4})), std::invalid_argument);
     EXPECT_THROW(soft_norm(images, 0), std::invalid_argument);

@@ -34,7 +34,9 @@ TEST(Templates, ThePromptIsPutIn) {
     EXPECT_EQ(expand("x", two), (std::vector<std::string>{"x", "one x two"}));
     Random random(1);
     EXPECT_EQ(expand("x", two, random, 1).size(), 1u);
-    EXPECT_NE(message_of<InputError>([] { check_template("no place", "config.json"); }).find("config.json: the template 'no place'"),
+    EXPECT_NE(message_of<InputError>([] {
+                  check_template("no place", "config.json");
+              }).find("config.json: the template 'no place'"),
               std::string::npos);
     EXPECT_THROW(check_template("{} and {}", ""), InputError);
 }

@@ -22,11 +22,13 @@ namespace fieldgraft {
 inline Tensor normal(Random& random, const std::vector<std::int64_t>& shape, double scale = 1,
                      torch::ScalarType type = torch::kFloat) {
     Tensor out = at::empty(shape, torch::kDouble);
-    for (double& x : std::span(out.data_ptr<double>(), static_cast<std::size_t>(out.numel()))) x = scale * random.normal();
+    for (double& x : std::span(out.data_ptr<double>(), static_cast<std::size_t>(out.numel())))
+        x = scale * random.normal();
     return out.to(type);
 }
 
-inline Tensor uniform_image(Random& random, const std::vector<std::int64_t>& shape, torch::ScalarType type = torch::kFloat) {
+inline Tensor uniform_image(Random& random, const std::vector<std::int64_t>& shape,
+                            torch::ScalarType type = torch::kFloat) {
     Tensor out = at::empty(shape, torch::kDouble);
     for (double& x : std::span(out.data_ptr<double>(), static_cast<std::size_t>(out.numel()))) x = random.uniform();
     return out.to(type);
@@ -59,28 +61,29 @@ struct TinyModel {
     explicit TinyModel(std::uint64_t seed = 1, bool stem_pool = false, int conditional = 2) {
         Random random(seed);
         make_vocabulary();
-        config = {{"model_type", "fieldgraft-guidance"},
-                  {"projection_dim", 6},
-                  {"text_config",
-                   {{"hidden_size", 8},
-                    {"intermediate_size", 12},
-                    {"num_attention_heads", 2},
-                    {"num_hidden_layers", 2},
-                    {"max_position_embeddings", 10},
-                    {"vocab_size", vocabulary.size()},
-                    {"hidden_act", "quick_gelu"}}},
-                  {"vision_config",
-                   {{"trunk", "modified_resnet"},
-                    {"image_size", 32},
-                    {"width", 4},
-                    {"layers", {1, 2, 1, 1}},
-                    {"stem_pool", stem_pool},
-                    {"num_attention_heads", 4}}},
-                  {"segmenter_config",
-                   {{"type", "film_pyramid"}, {"stages", {0, 2, 4}}, {"reduce_dim", 5}, {"conditional_stage", conditional}}},
-                  {"preprocess", {{"image_size", 32}, {"image_mean", {0.5, 0.4, 0.3}}, {"image_std", {0.2, 0.3, 0.25}}}},
-                  {"augmentation", {{"brightness", 0.1}, {"contrast", 0.2}, {"saturation", 0.3}}},
-                  {"templates", {"{}", "a photo of {}"}}};
+        config = {
+            {"model_type", "fieldgraft-guidance"},
+            {"projection_dim", 6},
+            {"text_config",
+             {{"hidden_size", 8},
+              {"intermediate_size", 12},
+              {"num_attention_heads", 2},
+              {"num_hidden_layers", 2},
+              {"max_position_embeddings", 10},
+              {"vocab_size", vocabulary.size()},
+              {"hidden_act", "quick_gelu"}}},
+            {"vision_config",
+             {{"trunk", "modified_resnet"},
+              {"image_size", 32},
+              {"width", 4},
+              {"layers", {1, 2, 1, 1}},
+              {"stem_pool", stem_pool},
+              {"num_attention_heads", 4}}},
+            {"segmenter_config",
+             {{"type", "film_pyramid"}, {"stages", {0, 2, 4}}, {"reduce_dim", 5}, {"conditional_stage", conditional}}},
+            {"preprocess", {{"image_size", 32}, {"image_mean", {0.5, 0.4, 0.3}}, {"image_std", {0.2, 0.3, 0.25}}}},
+            {"augmentation", {{"brightness", 0.1}, {"contrast", 0.2}, {"saturation", 0.3}}},
+            {"templates", {"{}", "a photo of {}"}}};
         text_tower(random);
         trunk(random, stem_pool);
         decoder(random, conditional);
@@ -128,7 +131,8 @@ struct TinyModel {
 
     void text_tower(Random& random) {
         const int width = 8;
-        add(random, "text_model.embeddings.token_embedding.weight", {static_cast<std::int64_t>(vocabulary.size()), width});
+        add(random, "text_model.embeddings.token_embedding.weight",
+            {static_cast<std::int64_t>(vocabulary.size()), width});
         add(random, "text_model.embeddings.position_embedding.weight", {10, width});
         for (int i = 0; i < 2; ++i) {
             const std::string layer = fmt::format("text_model.encoder.layers.{}.", i);
@@ -161,7 +165,8 @@ struct TinyModel {
                 in = planes * 4;
             }
         add(random, "visual.attnpool.positional_embedding", {1 + side * side, in});
-        for (const char* part : {"q_proj", "k_proj", "v_proj"}) linear(random, std::string("visual.attnpool.") + part, in, in);
+        for (const char* part : {"q_proj", "k_proj", "v_proj"})
+            linear(random, std::string("visual.attnpool.") + part, in, in);
         linear(random, "visual.attnpool.c_proj", in, 6);
     }
 
@@ -196,9 +201,10 @@ std::string message_of(const std::function<void()>& call) {
     return "";
 }
 
-// The largest difference between the gradient of f (scalar, double) at x and central differences, over `probes` elements.
-inline double gradient_error(const std::function<Tensor(const Tensor&)>& f, const Tensor& x, Random& random, int probes = 24,
-                             double step = 1e-6) {
+// The largest difference between the gradient of f (scalar, double) at x and central differences, over `probes`
+// elements.
+inline double gradient_error(const std::function<Tensor(const Tensor&)>& f, const Tensor& x, Random& random,
+                             int probes = 24, double step = 1e-6) {
     const Tensor input = x.detach().clone().requires_grad_(true);
     const Tensor gradient = torch::autograd::grad({f(input)}, {input})[0].contiguous();
     const torch::NoGradGuard no_grad;

@@ -48,8 +48,8 @@ TEST(Tokenizer, MergesByRankAndKeepsTheEnds) {
 }
 
 TEST(Tokenizer, OverlappingMergesGoLeftToRight) {
-    Tokenizer::Vocabulary vocabulary{{"a", 0},  {"a</w>", 1}, {"aa", 2}, {"aaaa", 3}, {"aaa</w>", 4}, {"<|startoftext|>", 5},
-                                     {"<|endoftext|>", 6}};
+    Tokenizer::Vocabulary vocabulary{{"a", 0},       {"a</w>", 1},           {"aa", 2},           {"aaaa", 3},
+                                     {"aaa</w>", 4}, {"<|startoftext|>", 5}, {"<|endoftext|>", 6}};
     const Tokenizer tokenizer(vocabulary, {{"a", "a"}, {"aa", "aa"}, {"aa", "a</w>"}});
     EXPECT_EQ(tokenizer.encode("aaa"), (std::vector<std::int64_t>{5, 4, 6}));
     EXPECT_EQ(tokenizer.encode("aaaa"), (std::vector<std::int64_t>{5, 2, 0, 1, 6}));
@@ -69,7 +69,8 @@ TEST(Tokenizer, BadInputIsNamed) {
     const Tokenizer tokenizer = tiny();
     EXPECT_EQ(message_of<InputError>([&] { tokenizer.encode("ab\xff"); }), "text is not UTF-8 at byte 2 (0xff)");
     const TemporaryFolder folder;
-    EXPECT_NE(message_of<InputError>([&] { Tokenizer::load(folder.path()); }).find("neither vocab.json"), std::string::npos);
+    EXPECT_NE(message_of<InputError>([&] { Tokenizer::load(folder.path()); }).find("neither vocab.json"),
+              std::string::npos);
     TinyModel model;
     model.merges = "r e\nred\n";
     model.write(folder.path());
@@ -77,15 +78,18 @@ TEST(Tokenizer, BadInputIsNamed) {
               std::string::npos);
     model.merges = "r q\n";
     model.write(folder.path());
-    EXPECT_NE(message_of<InputError>([&] { Tokenizer::load(folder.path()); }).find("'r q' (number 1)"), std::string::npos);
+    EXPECT_NE(message_of<InputError>([&] { Tokenizer::load(folder.path()); }).find("'r q' (number 1)"),
+              std::string::npos);
     EXPECT_NE(message_of<InputError>([&] { Tokenizer({{"a", 0}}, {}); }).find("<|startoftext|>"), std::string::npos);
 }
 
 TEST(Tokenizer, ReadsTokenizerJsonToo) {
     const TemporaryFolder folder;
     const TinyModel model;
-    write_json(folder.path() / "tokenizer.json",
-               {{"model", {{"vocab", model.vocabulary}, {"merges", {"r e", "re d</w>", {"b", "a"}, {"ba", "l"}, "bal l</w>"}}}}});
+    write_json(
+        folder.path() / "tokenizer.json",
+        {{"model",
+          {{"vocab", model.vocabulary}, {"merges", {"r e", "re d</w>", {"b", "a"}, {"ba", "l"}, "bal l</w>"}}}}});
     EXPECT_EQ(Tokenizer::load(folder.path()).encode("red ball re"), tiny().encode("red ball re"));
 }
 
