@@ -19,8 +19,10 @@ namespace {
 constexpr const char* kGeneratorDoc =
     "Generator(seed, split, size=64, settings=\"\"): pairs of captioned pictures.\n\n"
     "batch(n, threads=1, start=None) -> dict with images uint8 [n,2,S,S,3], captions, change uint8 [n],\n"
-    "attributes int16 [n,2,3] (shape, material, colour as far as the caption says them), truth int16 [n,2,3] (the same\n"
-    "whatever the caption says), queries, masks uint8 [n,2,Q,S,S], query_kinds uint8 [n,2,Q], spec. Without `start` the\n"
+    "attributes int16 [n,2,3] (shape, material, colour as far as the caption says them), truth int16 [n,2,3] (the "
+    "same\n"
+    "whatever the caption says), queries, masks uint8 [n,2,Q,S,S], query_kinds uint8 [n,2,Q], spec. Without `start` "
+    "the\n"
     "batch begins where the last one ended.";
 
 std::vector<PicturePair> make_pairs(const Generator& generator, uint64_t start, int n, int threads) {
@@ -28,7 +30,8 @@ std::vector<PicturePair> make_pairs(const Generator& generator, uint64_t start, 
     std::vector<std::exception_ptr> errors(static_cast<size_t>(threads));
     const auto work = [&](int thread) {
         try {
-            for (int i = thread; i < n; i += threads) pairs[static_cast<size_t>(i)] = generator.make(start + static_cast<uint64_t>(i));
+            for (int i = thread; i < n; i += threads)
+                pairs[static_cast<size_t>(i)] = generator.make(start + static_cast<uint64_t>(i));
         } catch (...) {
             errors[static_cast<size_t>(thread)] = std::current_exception();
         }
@@ -44,8 +47,10 @@ std::vector<PicturePair> make_pairs(const Generator& generator, uint64_t start, 
 }
 
 py::dict to_dict(const std::vector<PicturePair>& pairs, int size) {
-    const auto n = static_cast<py::ssize_t>(pairs.size()), s = static_cast<py::ssize_t>(size), q = static_cast<py::ssize_t>(kQueries);
-    py::array_t<uint8_t> images({n, py::ssize_t{2}, s, s, py::ssize_t{3}}), masks({n, py::ssize_t{2}, q, s, s}), kinds({n, py::ssize_t{2}, q}), change({n});
+    const auto n = static_cast<py::ssize_t>(pairs.size()), s = static_cast<py::ssize_t>(size),
+               q = static_cast<py::ssize_t>(kQueries);
+    py::array_t<uint8_t> images({n, py::ssize_t{2}, s, s, py::ssize_t{3}}), masks({n, py::ssize_t{2}, q, s, s}),
+        kinds({n, py::ssize_t{2}, q}), change({n});
     py::array_t<int16_t> said({n, py::ssize_t{2}, py::ssize_t{3}}), truth({n, py::ssize_t{2}, py::ssize_t{3}});
     py::list captions, queries, specs;
     for (py::ssize_t i = 0; i < n; ++i) {
@@ -86,12 +91,15 @@ py::dict to_dict(const std::vector<PicturePair>& pairs, int size) {
 }
 
 class PyGenerator {
-public:
-    PyGenerator(uint64_t seed, const std::string& split, int size, const std::string& settings) : generator_(seed, split, size, settings) {}
+  public:
+    PyGenerator(uint64_t seed, const std::string& split, int size, const std::string& settings)
+        : generator_(seed, split, size, settings) {}
 
     py::dict batch(int n, int threads, const std::optional<uint64_t>& start) {
         if (n < 1) throw std::invalid_argument("Generator.batch: n is " + std::to_string(n) + ", not 1 or more");
-        if (threads < 1 || threads > 256) throw std::invalid_argument("Generator.batch: threads is " + std::to_string(threads) + ", not within 1 to 256");
+        if (threads < 1 || threads > 256)
+            throw std::invalid_argument("Generator.batch: threads is " + std::to_string(threads) +
+                                        ", not within 1 to 256");
         const uint64_t first = start ? *start : next_;
         std::vector<PicturePair> pairs;
         {
@@ -119,7 +127,7 @@ public:
         return words;
     }
 
-private:
+  private:
     Generator generator_;
     uint64_t next_ = 0;
 };
@@ -131,7 +139,8 @@ PYBIND11_MODULE(scene_generator, m) {
     using fieldgraft::generator::PyGenerator;
     m.doc() = "Captioned, analytically rendered pictures for training the built-in guidance model.";
     py::class_<PyGenerator>(m, "Generator", fieldgraft::generator::kGeneratorDoc)
-        .def(py::init<uint64_t, const std::string&, int, const std::string&>(), py::arg("seed"), py::arg("split"), py::arg("size") = 64, py::arg("settings") = "")
+        .def(py::init<uint64_t, const std::string&, int, const std::string&>(), py::arg("seed"), py::arg("split"),
+             py::arg("size") = 64, py::arg("settings") = "")
         .def("batch", &PyGenerator::batch, py::arg("n"), py::arg("threads") = 1, py::arg("start") = std::nullopt)
         .def("settings", &PyGenerator::settings, "The settings in use, as JSON.")
         .def_static("vocabulary", &PyGenerator::vocabulary);

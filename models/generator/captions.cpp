@@ -5,10 +5,14 @@
 namespace fieldgraft::generator {
 namespace {
 
-std::string join(const std::string& a, const std::string& b) { return a.empty() ? b : b.empty() ? a : a + " " + b; }
+std::string join(const std::string& a, const std::string& b) {
+    return a.empty() ? b : b.empty() ? a : a + " " + b;
+}
 
 // Materials that describe the state of a thing come before the colour: "a rusty red truck", but "a red glass bottle".
-bool before_colour(int material) { return material >= kRusty; }
+bool before_colour(int material) {
+    return material >= kRusty;
+}
 
 std::string colour_phrase(const ObjectSpec& o, bool both) {
     if (o.colour < 0) return "";
@@ -44,7 +48,8 @@ std::string object_phrase(const ObjectSpec& o, const CaptionPlan& plan, bool plu
     Rng words = rng.fork(static_cast<uint64_t>(o.material) + 10);
     const std::string adjective = say_material && !plan.suffix ? material_adjective(o.material, words) : "";
     const std::string colour = plan.colour ? colour_phrase(o, plan.both_colours) : "";
-    std::string text = before_colour(o.material) && !(plan.both_colours && o.colour2 >= 0) ? join(adjective, colour) : join(colour, adjective);
+    std::string text = before_colour(o.material) && !(plan.both_colours && o.colour2 >= 0) ? join(adjective, colour)
+                                                                                           : join(colour, adjective);
     text = join(text, noun(o.shape, plural, plan.synonym, rng.fork(2)));
     if (say_material && plan.suffix) text = join(text, material_suffix(o.material, words));
     const std::string parts = part_list(o, rng.fork(3));
@@ -72,7 +77,8 @@ std::string main_phrase(const SceneSpec& scene, const CaptionPlan& plan) {
     std::string text = object_phrase(main, plan, count > 1, 1);
     if (plan.with_part >= 0 && main.absent.empty()) {
         const std::string part(part_name(plan.with_part));
-        text += (text.find(" with ") != std::string::npos ? " and " : " with ") + (part_is_plural(plan.with_part) ? part : with_article(part));
+        text += (text.find(" with ") != std::string::npos ? " and " : " with ") +
+                (part_is_plural(plan.with_part) ? part : with_article(part));
     }
     const float form = rng.uniform();
     if (count > 1) {
@@ -87,8 +93,12 @@ std::string main_phrase(const SceneSpec& scene, const CaptionPlan& plan) {
         const std::string name(shape_info(added->shape).name);
         const bool worn = name == "hat" || name == "crown";
         const std::string thing = addition_phrase(*added, plan);
-        if (turned) text = thing + (worn && rng.chance(0.5f) ? " on " : " on top of ") + text;
-        else text += (worn && rng.chance(0.3f) ? " wearing " : (text.find(" with ") != std::string::npos ? " and " : " with ")) + thing + (worn ? "" : " on top");
+        if (turned)
+            text = thing + (worn && rng.chance(0.5f) ? " on " : " on top of ") + text;
+        else
+            text += (worn && rng.chance(0.3f) ? " wearing "
+                                              : (text.find(" with ") != std::string::npos ? " and " : " with ")) +
+                    thing + (worn ? "" : " on top");
     }
     if (second) {
         const char* const forms[] = {" next to ", " next to ", " beside ", " and "};
@@ -116,7 +126,8 @@ std::string noun(int shape, bool plural, bool synonym, Rng rng) {
 }
 
 std::string ground_phrase(const GroundSpec& ground, Rng rng, bool bare) {
-    static const char* const kStuff[kGroundStuffs] = {"", "wooden", "marble", "brick", "grass", "snow", "checkered"};
+    static const char* const kStuff[kGroundStuffs] = {"",      "wooden", "marble",    "brick",
+                                                      "grass", "snow",   "checkered", "beige"};
     const auto stuff = static_cast<size_t>(ground.stuff);
     if (ground.stuff == GroundStuff::kGrass || ground.stuff == GroundStuff::kSnow) {
         return bare ? kStuff[stuff] : std::string(rng.chance(0.3f) ? "on the " : "on ") + kStuff[stuff];
@@ -125,7 +136,8 @@ std::string ground_phrase(const GroundSpec& ground, Rng rng, bool bare) {
     const char* plates[] = {"base plate", "plate", "base"};
     const bool plate = ground.kind == GroundKind::kPlate || ground.kind == GroundKind::kDisc;
     const std::string name = rng.chance(0.6f) && plate ? plates[rng.below(3)] : names[rng.below(3)];
-    const std::string phrase = join(ground.stuff == GroundStuff::kColour ? std::string(colour_name(ground.colour)) : kStuff[stuff], name);
+    const std::string phrase =
+        join(ground.stuff == GroundStuff::kColour ? std::string(colour_name(ground.colour)) : kStuff[stuff], name);
     return bare ? phrase : "on " + with_article(phrase);
 }
 
@@ -156,7 +168,8 @@ std::string caption(const SceneSpec& scene, const CaptionPlan& plan, const Setti
     } else if (plan.backdrop && scene.backdrop.kind == BackdropKind::kWhite) {
         text += " on a white background";
     }
-    static const char* const kPrefixes[] = {"a photo of ", "a picture of ", "a render of ", "an image of ", "a 3d model of ", "a photo of ", "a rendering of ", "a close-up of "};
+    static const char* const kPrefixes[] = {"a photo of ",    "a picture of ", "a render of ",    "an image of ",
+                                            "a 3d model of ", "a photo of ",   "a rendering of ", "a close-up of "};
     if (prefixed < settings.prefix) text = kPrefixes[prefix] + text;
     return text;
 }
@@ -165,7 +178,8 @@ std::array<int16_t, 3> said_attributes(const SceneSpec& scene, const CaptionPlan
     const ObjectSpec& main = scene.objects.at(0);
     const bool colour = plan.colour && main.colour >= 0;
     const bool material = main.material == kPlain ? colour : plan.material;
-    return {static_cast<int16_t>(main.shape), static_cast<int16_t>(material ? main.material : -1), static_cast<int16_t>(colour ? main.colour : -1)};
+    return {static_cast<int16_t>(main.shape), static_cast<int16_t>(material ? main.material : -1),
+            static_cast<int16_t>(colour ? main.colour : -1)};
 }
 
 }  // namespace fieldgraft::generator

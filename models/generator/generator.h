@@ -26,14 +26,18 @@ struct PicturePair {
 };
 
 class Generator {
-public:
+  public:
     // Throws std::invalid_argument for an unknown split, a size outside 16 to 512 or bad settings.
     Generator(uint64_t seed, const std::string& split, int size, const std::string& settings_json);
     PicturePair make(uint64_t index) const;
     int size() const { return size_; }
     const Settings& settings() const { return settings_; }
 
-private:
+  private:
+    // Draws and renders one candidate; false if the main object or the change is hardly visible.
+    bool try_make(Rng rng, bool last, PicturePair& result) const;
+    void describe(const Pair& pair, int k, const World& world, Rng rng, Picture& picture) const;
+
     Rng stream_;
     Filter filter_;
     int size_;

@@ -39,9 +39,12 @@ bool hit_box(Vec3 o, Vec3 d, float t_min, Hit& hit) {
     const float t = std::max(nx, std::max(ny, nz));
     if (t > std::min(fx, std::min(fy, fz)) || t <= t_min) return false;
     hit.t = t;
-    if (t == nx) hit.normal = {d.x < 0.0f ? 1.0f : -1.0f, 0, 0};
-    else if (t == ny) hit.normal = {0, d.y < 0.0f ? 1.0f : -1.0f, 0};
-    else hit.normal = {0, 0, d.z < 0.0f ? 1.0f : -1.0f};
+    if (t == nx)
+        hit.normal = {d.x < 0.0f ? 1.0f : -1.0f, 0, 0};
+    else if (t == ny)
+        hit.normal = {0, d.y < 0.0f ? 1.0f : -1.0f, 0};
+    else
+        hit.normal = {0, 0, d.z < 0.0f ? 1.0f : -1.0f};
     return true;
 }
 
@@ -134,29 +137,64 @@ bool hit_planes(const HalfSpace (&planes)[kCount], Vec3 o, Vec3 d, float t_min, 
     return enter > t_min;
 }
 
-constexpr HalfSpace kWedgePlanes[] = {{{-1, 0, 0}, 1}, {{0, 1, 0}, 1}, {{0, -1, 0}, 1}, {{0, 0, -1}, 1}, {{1, 0, 1}, 0}};
-constexpr HalfSpace kGablePlanes[] = {{{2, 0, 1}, 1}, {{-2, 0, 1}, 1}, {{0, 1, 0}, 1}, {{0, -1, 0}, 1}, {{0, 0, -1}, 1}};
-constexpr HalfSpace kPyramidPlanes[] = {{{2, 0, 1}, 1}, {{-2, 0, 1}, 1}, {{0, 2, 1}, 1}, {{0, -2, 1}, 1}, {{0, 0, -1}, 1}};
+bool hit_plane(Vec3 o, Vec3 d, float t_min, Hit& hit) {
+    const float t = d.z < 0.0f ? -o.z / d.z : -1.0f;
+    hit = {t, {0, 0, 1}};
+    return t > t_min && t < 60.0f;
+}
+
+constexpr HalfSpace kWedgePlanes[] = {
+    {{-1, 0, 0}, 1}, {{0, 1, 0}, 1}, {{0, -1, 0}, 1}, {{0, 0, -1}, 1}, {{1, 0, 1}, 0}};
+constexpr HalfSpace kGablePlanes[] = {
+    {{2, 0, 1}, 1}, {{-2, 0, 1}, 1}, {{0, 1, 0}, 1}, {{0, -1, 0}, 1}, {{0, 0, -1}, 1}};
+constexpr HalfSpace kPyramidPlanes[] = {
+    {{2, 0, 1}, 1}, {{-2, 0, 1}, 1}, {{0, 2, 1}, 1}, {{0, -2, 1}, 1}, {{0, 0, -1}, 1}};
+
+// Calls visit with the hit function of the primitive's solid, so that loops are compiled once a solid.
+template <typename Visit>
+auto with_solid(const Primitive& p, const Visit& visit) {
+    switch (p.solid) {
+        case Solid::kSphere:
+            return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_sphere(o, d, t, h); });
+        case Solid::kDome:
+            return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_dome(o, d, t, h); });
+        case Solid::kFrustum:
+            return visit([&p](Vec3 o, Vec3 d, float t, Hit& h) { return hit_frustum(p, o, d, t, h); });
+        case Solid::kTorus:
+            return visit([&p](Vec3 o, Vec3 d, float t, Hit& h) { return hit_torus(p, o, d, t, h); });
+        case Solid::kWedge:
+            return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_planes(kWedgePlanes, o, d, t, h); });
+        case Solid::kGable:
+            return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_planes(kGablePlanes, o, d, t, h); });
+        case Solid::kPyramid:
+            return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_planes(kPyramidPlanes, o, d, t, h); });
+        case Solid::kPlane:
+            return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_plane(o, d, t, h); });
+        case Solid::kBox:
+            break;
+    }
+    return visit([](Vec3 o, Vec3 d, float t, Hit& h) { return hit_box(o, d, t, h); });
+}
 
 }  // namespace
 
 bool intersect(const Primitive& p, Vec3 o, Vec3 d, float t_min, Hit& hit) {
-    switch (p.solid) {
-        case Solid::kSphere: return hit_sphere(o, d, t_min, hit);
-        case Solid::kDome: return hit_dome(o, d, t_min, hit);
-        case Solid::kBox: return hit_box(o, d, t_min, hit);
-        case Solid::kFrustum: return hit_frustum(p, o, d, t_min, hit);
-        case Solid::kTorus: return hit_torus(p, o, d, t_min, hit);
-        case Solid::kWedge: return hit_planes(kWedgePlanes, o, d, t_min, hit);
-        case Solid::kGable: return hit_planes(kGablePlanes, o, d, t_min, hit);
-        case Solid::kPyramid: return hit_planes(kPyramidPlanes, o, d, t_min, hit);
-        case Solid::kPlane: {
-            const float t = d.z < 0.0f ? -o.z / d.z : -1.0f;
-            hit = {t, {0, 0, 1}};
-            return t > t_min && t < 60.0f;
+    return with_solid(p, [&](const auto& solid) { return solid(o, d, t_min, hit); });
+}
+
+void intersect_row(const Primitive& p, const RayRow& ray, int x0, int x1, float t_min, const float* limit, float* depth,
+                   int16_t* id, int16_t index) {
+    with_solid(p, [&](const auto& solid) {
+        Hit hit;
+        for (int x = x0; x < x1; ++x) {
+            const auto fx = static_cast<float>(x);
+            if (!solid(ray.o + ray.ou * fx, ray.d + ray.du * fx, t_min, hit)) continue;
+            if (hit.t < depth[x] && (!limit || hit.t < limit[x])) {
+                depth[x] = hit.t;
+                id[x] = index;
+            }
         }
-    }
-    return false;
+    });
 }
 
 Vec3 local_bound(const Primitive& p) {

@@ -24,10 +24,10 @@ struct Primitive {
     Vec3 centre;
     Vec3 half{1, 1, 1};
     Mat3 rotation;
-    int16_t object = 0;  // index into World::objects
-    int16_t part = 0;    // Part
-    int16_t paint = 0;   // index into World::paints
-    float shade = 1.0f;  // brightness of this piece against its paint
+    int16_t object = 0;    // index into World::objects
+    int16_t part = 0;      // Part
+    int16_t paint = 0;     // index into World::paints
+    float shade = 1.0f;    // brightness of this piece against its paint
     float pattern = 0.0f;  // > 0: studs or panel lines with this spacing
 };
 
@@ -36,12 +36,26 @@ struct Hit {
     Vec3 normal;  // local, not normalised
 };
 
-inline Vec3 inverse_half(const Primitive& p) { return {1.0f / p.half.x, 1.0f / p.half.y, 1.0f / p.half.z}; }
-inline Vec3 to_local(const Primitive& p, Vec3 v) { return transposed_times(p.rotation, v) * inverse_half(p); }
-inline Vec3 normal_to_world(const Primitive& p, Vec3 n) { return normalized(p.rotation * (n * inverse_half(p))); }
+inline Vec3 inverse_half(const Primitive& p) {
+    return {1.0f / p.half.x, 1.0f / p.half.y, 1.0f / p.half.z};
+}
+inline Vec3 to_local(const Primitive& p, Vec3 v) {
+    return transposed_times(p.rotation, v) * inverse_half(p);
+}
+inline Vec3 normal_to_world(const Primitive& p, Vec3 n) {
+    return normalized(p.rotation * (n * inverse_half(p)));
+}
 
 // First hit of o + t d with t > t_min; false if there is none.
 bool intersect(const Primitive& p, Vec3 o, Vec3 d, float t_min, Hit& hit);
+// Local rays o + x ou, d + x du along a row of samples.
+struct RayRow {
+    Vec3 o, ou, d, du;
+};
+// For samples x0 <= x < x1: where the first hit beyond t_min lies before depth[x] (and limit[x], if given), notes its t
+// and `index`.
+void intersect_row(const Primitive& p, const RayRow& ray, int x0, int x1, float t_min, const float* limit, float* depth,
+                   int16_t* id, int16_t index);
 // Half-extent of the local bounding box.
 Vec3 local_bound(const Primitive& p);
 // Half-extent of the world-aligned bounding box around the centre.

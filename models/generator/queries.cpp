@@ -18,7 +18,7 @@ struct Wanted {
 };
 
 class Asker {
-public:
+  public:
     Asker(const SceneSpec& spec, const World& world, const Frame& frame, Rng rng)
         : spec_(spec), world_(world), frame_(frame), rng_(rng), seen_(world.primitives.size(), 0) {
         for (const int16_t id : frame.visible) {
@@ -30,17 +30,22 @@ public:
         std::vector<Query> list;
         list.push_back(first_of({&Asker::object}));
         list.push_back(first_of({&Asker::part, &Asker::object}));
-        list.push_back(rng_.chance(0.75f) ? first_of({&Asker::ground, &Asker::part, &Asker::object}) : first_of({&Asker::object}));
+        list.push_back(rng_.chance(0.75f) ? first_of({&Asker::ground, &Asker::part, &Asker::object})
+                                          : first_of({&Asker::object}));
         list.push_back(first_of({&Asker::absent}));
-        list.push_back(rng_.chance(0.75f) ? first_of({&Asker::attribute, &Asker::part, &Asker::object}) : first_of({&Asker::absent}));
+        list.push_back(rng_.chance(0.75f) ? first_of({&Asker::attribute, &Asker::part, &Asker::object})
+                                          : first_of({&Asker::absent}));
         const float last = rng_.uniform();
-        if (last < 0.3f) list.push_back(photo());
-        else if (last < 0.65f) list.push_back(first_of({&Asker::addition, &Asker::part, &Asker::object}));
-        else list.push_back(first_of({&Asker::part, &Asker::absent}));
+        if (last < 0.3f)
+            list.push_back(photo());
+        else if (last < 0.65f)
+            list.push_back(first_of({&Asker::addition, &Asker::part, &Asker::object}));
+        else
+            list.push_back(first_of({&Asker::part, &Asker::absent}));
         return list;
     }
 
-private:
+  private:
     using Ask = std::optional<Query> (Asker::*)();
 
     Query first_of(std::initializer_list<Ask> ways) {
@@ -77,7 +82,8 @@ private:
     }
 
     bool exists(const Wanted& w) const {
-        return std::any_of(world_.primitives.begin(), world_.primitives.end(), [&](const Primitive& p) { return matches(p, w); });
+        return std::any_of(world_.primitives.begin(), world_.primitives.end(),
+                           [&](const Primitive& p) { return matches(p, w); });
     }
 
     int samples(const Wanted& w) const {
@@ -101,7 +107,9 @@ private:
         for (int y = 0; y < frame_.size; ++y) {
             for (int x = 0; x < frame_.size; ++x) {
                 int count = 0;
-                for (int k = 0; k < 4; ++k) count += hit[static_cast<size_t>(frame_.visible[static_cast<size_t>((2 * y + (k >> 1)) * n + 2 * x + (k & 1))] + 1)];
+                for (int k = 0; k < 4; ++k)
+                    count += hit[static_cast<size_t>(
+                        frame_.visible[static_cast<size_t>((2 * y + (k >> 1)) * n + 2 * x + (k & 1))] + 1)];
                 q.mask[static_cast<size_t>(y * frame_.size + x)] = count >= 2;
             }
         }
@@ -119,7 +127,9 @@ private:
         for (size_t i = 0; i < seen_.size(); ++i) {
             const Primitive& p = world_.primitives[i];
             if (seen_[i] == 0 || owner(p).ground || p.layer == Layer::kFlame) continue;
-            const bool known = std::any_of(list.begin(), list.end(), [&](const Primitive* q) { return q->object == p.object && (!by_part || q->part == p.part); });
+            const bool known = std::any_of(list.begin(), list.end(), [&](const Primitive* q) {
+                return q->object == p.object && (!by_part || q->part == p.part);
+            });
             if (!known) list.push_back(&p);
         }
         if (list.empty()) return nullptr;
@@ -149,7 +159,8 @@ private:
         if (o.material != kPlain && (form < 0.3f || form > 0.8f)) {
             w.material = o.material;
             Rng words = rng_.fork(2);
-            text = form < 0.15f ? text + " " + material_suffix(o.material, words) : material_adjective(o.material, words) + " " + text;
+            text = form < 0.15f ? text + " " + material_suffix(o.material, words)
+                                : material_adjective(o.material, words) + " " + text;
         }
         if (samples(w) < kFewestSamples) return std::nullopt;
         rng_.next();
@@ -163,7 +174,7 @@ private:
         if (o.material == kBurning && paint(*p).colour < 0) return std::nullopt;
         Wanted w;
         w.part = p->part;
-        std::string text(part_name(p->part));
+        std::string text(part_word(p->part, rng_));
         const std::string shape(shape_info(o.shape).name);
         const bool coloured = paint(*p).colour >= 0 && rng_.chance(0.45f) && !two_coloured(*p);
         if (coloured) {
@@ -182,10 +193,13 @@ private:
         return answer(rng_.chance(0.6f) ? text : "the " + text, QueryKind::kPart, w);
     }
 
-    bool two_coloured(const Primitive& p) const { return paint(p).material == kStriped || paint(p).material == kDotted; }
+    bool two_coloured(const Primitive& p) const {
+        return paint(p).material == kStriped || paint(p).material == kDotted;
+    }
 
     std::string ground_words() {
-        static const char* const kWords[] = {"ground", "floor", "the ground", "the floor", "base", "base plate", "ground plate"};
+        static const char* const kWords[] = {"ground", "floor",      "the ground",  "the floor",
+                                             "base",   "base plate", "ground plate"};
         const bool plate = spec_.ground.kind == GroundKind::kPlate || spec_.ground.kind == GroundKind::kDisc;
         return kWords[rng_.below(plate ? 7 : 4)];
     }
@@ -193,7 +207,8 @@ private:
     std::optional<Query> ground() {
         Wanted w;
         w.ground = true;
-        if (!exists(w)) return rng_.chance(0.5f) ? std::optional(answer(ground_words(), QueryKind::kAbsent, w)) : std::nullopt;
+        if (!exists(w))
+            return rng_.chance(0.5f) ? std::optional(answer(ground_words(), QueryKind::kAbsent, w)) : std::nullopt;
         if (samples(w) < kFewestSamples) return std::nullopt;
         const std::string text = rng_.chance(0.65f) ? ground_words() : ground_phrase(spec_.ground, rng_.fork(3), true);
         rng_.next();
@@ -203,26 +218,40 @@ private:
     // Materials whose look may be called by a colour word.
     static uint32_t looks_like(int material) {
         switch (material) {
-            case kGold: return bit(kYellow) | bit(kOrange) | bit(kBrown);
-            case kSilver: return bit(kGrey) | bit(kWhite) | bit(kBlack);
-            case kGlass: return bit(kWhite) | bit(kGrey) | bit(kBlue) | bit(kGreen);
-            case kWood: return bit(kBrown) | bit(kOrange) | bit(kYellow);
-            case kMarble: return bit(kWhite) | bit(kGrey) | bit(kBlack);
-            case kBrick: return bit(kRed) | bit(kBrown) | bit(kOrange);
-            case kRusty: return bit(kBrown) | bit(kOrange) | bit(kRed);
-            case kMossy: return bit(kGreen) | bit(kBrown) | bit(kGrey);
-            case kSnow: return bit(kWhite);
-            case kBurning: return bit(kRed) | bit(kOrange) | bit(kYellow) | bit(kBlack) | bit(kBrown);
-            default: return 0;
+            case kGold:
+                return bit(kYellow) | bit(kOrange) | bit(kBrown);
+            case kSilver:
+                return bit(kGrey) | bit(kWhite) | bit(kBlack);
+            case kGlass:
+                return bit(kWhite) | bit(kGrey) | bit(kBlue) | bit(kGreen);
+            case kWood:
+                return bit(kBrown) | bit(kOrange) | bit(kYellow);
+            case kMarble:
+                return bit(kWhite) | bit(kGrey) | bit(kBlack);
+            case kBrick:
+                return bit(kRed) | bit(kBrown) | bit(kOrange);
+            case kRusty:
+                return bit(kBrown) | bit(kOrange) | bit(kRed);
+            case kMossy:
+                return bit(kGreen) | bit(kBrown) | bit(kGrey);
+            case kSnow:
+                return bit(kWhite);
+            case kBurning:
+                return bit(kRed) | bit(kOrange) | bit(kYellow) | bit(kBlack) | bit(kBrown);
+            default:
+                return 0;
         }
     }
 
     // Every colour word that something in the scene might be given.
     uint32_t colours_about() const {
         uint32_t mask = 0;
-        for (const Primitive& p : world_.primitives) mask |= (paint(p).colour >= 0 ? bit(paint(p).colour) : 0) | looks_like(owner(p).ground ? kPlain : paint(p).material);
+        for (const Primitive& p : world_.primitives)
+            mask |= (paint(p).colour >= 0 ? bit(paint(p).colour) : 0) |
+                    looks_like(owner(p).ground ? kPlain : paint(p).material);
         for (const ObjectSpec& o : spec_.objects) mask |= o.colour2 >= 0 ? bit(o.colour2) : 0;
-        if (spec_.ground.stuff != GroundStuff::kColour) mask |= bit(kBrown) | bit(kGrey) | bit(kWhite) | bit(kRed) | bit(kGreen) | bit(kBlack);
+        if (spec_.ground.stuff != GroundStuff::kColour)
+            mask |= bit(kBrown) | bit(kGrey) | bit(kWhite) | bit(kRed) | bit(kGreen) | bit(kBlack);
         return mask;
     }
 
@@ -238,7 +267,8 @@ private:
             w.material = o.material;
             Rng words = rng_.fork(4);
             rng_.next();
-            text = rng_.chance(0.5f) ? "something " + material_suffix(o.material, words) : dressed(material_adjective(o.material, words) + " " + thing);
+            text = rng_.chance(0.5f) ? "something " + material_suffix(o.material, words)
+                                     : dressed(material_adjective(o.material, words) + " " + thing);
         } else {
             const Primitive* piece = rng_.chance(0.5f) ? seen_primitive(true) : p;
             const int colour = paint(*piece).colour;
@@ -320,18 +350,21 @@ private:
             Rng words = rng_.fork(6);
             const bool as_thing = rng_.chance(0.3f);
             if (!as_thing) w.shape = shape;
-            text = dressed(material_adjective(material, words) + " " + (as_thing ? std::string("thing") : std::string(shape_info(shape).name)));
+            text = dressed(material_adjective(material, words) + " " +
+                           (as_thing ? std::string("thing") : std::string(shape_info(shape).name)));
         } else if (form < 0.92f) {
             const int colour = rng_.below(kColours);
             if ((colours_about() & bit(colour)) || colour == kWhite) return std::nullopt;
             w.piece_colour = colour;
-            text = rng_.chance(0.5f) ? dressed(std::string(colour_name(colour)) + " thing") : "something " + std::string(colour_name(colour));
+            text = rng_.chance(0.5f) ? dressed(std::string(colour_name(colour)) + " thing")
+                                     : "something " + std::string(colour_name(colour));
         } else {
             const bool fire = rng_.chance(0.5f);
             for (const ObjectSpec& o : spec_.objects) {
                 if (o.material == (fire ? static_cast<int>(kBurning) : static_cast<int>(kSnow))) return std::nullopt;
             }
-            if (!fire && spec_.ground.kind != GroundKind::kNone && spec_.ground.stuff == GroundStuff::kSnow) return std::nullopt;
+            if (!fire && spec_.ground.kind != GroundKind::kNone && spec_.ground.stuff == GroundStuff::kSnow)
+                return std::nullopt;
             w.flames = true;  // nothing has flames, or else we had returned; the mask is empty either way
             if (!fire) {
                 Query q = photo();

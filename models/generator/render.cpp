@@ -32,7 +32,8 @@ Rect cover(const Primitive& p, int n, const Project& project) {
     const Vec3 b = local_bound(p) * p.half;
     float x0 = 1e9f, x1 = -1e9f, y0 = 1e9f, y1 = -1e9f;
     for (int corner = 0; corner < 8; ++corner) {
-        const Vec3 at = p.centre + p.rotation * Vec3{corner & 1 ? b.x : -b.x, corner & 2 ? b.y : -b.y, corner & 4 ? b.z : -b.z};
+        const Vec3 at =
+            p.centre + p.rotation * Vec3{corner & 1 ? b.x : -b.x, corner & 2 ? b.y : -b.y, corner & 4 ? b.z : -b.z};
         float x, y;
         if (!project(at, x, y)) return {0, n, 0, n};
         x0 = std::min(x0, x);
@@ -47,18 +48,11 @@ Rect cover(const Primitive& p, int n, const Project& project) {
 void cast(const Primitive& p, int16_t index, const RayGrid& g, const Rect& r, const float* limit, DepthBuffer& buffer) {
     const Vec3 o0 = to_local(p, g.o - p.centre), ou = to_local(p, g.ou), ov = to_local(p, g.ov);
     const Vec3 d0 = to_local(p, g.d), du = to_local(p, g.du), dv = to_local(p, g.dv);
-    Hit hit;
     for (int y = r.y0; y < r.y1; ++y) {
-        const Vec3 oy = o0 + ov * static_cast<float>(y), dy = d0 + dv * static_cast<float>(y);
-        for (int x = r.x0; x < r.x1; ++x) {
-            const auto fx = static_cast<float>(x);
-            if (!intersect(p, oy + ou * fx, dy + du * fx, 0.02f, hit)) continue;
-            const auto at = static_cast<size_t>(y * g.n + x);
-            if (hit.t < buffer.depth[at] && (!limit || hit.t < limit[at])) {
-                buffer.depth[at] = hit.t;
-                buffer.id[at] = index;
-            }
-        }
+        const auto fy = static_cast<float>(y);
+        const auto row = static_cast<size_t>(y * g.n);
+        intersect_row(p, {o0 + ov * fy, ou, d0 + dv * fy, du}, r.x0, r.x1, 0.02f, limit ? limit + row : nullptr,
+                      &buffer.depth[row], &buffer.id[row], index);
     }
 }
 
@@ -69,7 +63,8 @@ RayGrid camera_rays(const View& v, int n) {
     const float step = 2.0f * v.tangent / static_cast<float>(n);
     g.du = v.axes.a * step;
     g.dv = v.axes.b * -step;
-    g.d = v.axes.c + v.axes.a * (v.tangent * (-1.0f - v.shift_x) + 0.5f * step) + v.axes.b * (v.tangent * (1.0f + v.shift_y) - 0.5f * step);
+    g.d = v.axes.c + v.axes.a * (v.tangent * (-1.0f - v.shift_x) + 0.5f * step) +
+          v.axes.b * (v.tangent * (1.0f + v.shift_y) - 0.5f * step);
     return g;
 }
 
@@ -83,7 +78,7 @@ bool camera_project(const View& v, int n, Vec3 at, float& x, float& y) {
 }
 
 class ShadowMap {
-public:
+  public:
     ShadowMap(const World& world, const View& view) : axes_(frame_along(view.key_direction)), buffer_(kShadowSize) {
         centre_ = (world.low + world.high) * 0.5f;
         reach_ = 0.75f * length(world.high - world.low);
@@ -100,7 +95,9 @@ public:
         };
         for (size_t i = 0; i < world.primitives.size(); ++i) {
             const Primitive& p = world.primitives[i];
-            if (p.layer != Layer::kOpaque || p.solid == Solid::kPlane || world.objects[static_cast<size_t>(p.object)].ground) continue;
+            if (p.layer != Layer::kOpaque || p.solid == Solid::kPlane ||
+                world.objects[static_cast<size_t>(p.object)].ground)
+                continue;
             cast(p, static_cast<int16_t>(i), g, cover(p, kShadowSize, project), nullptr, buffer_);
         }
     }
@@ -114,11 +111,13 @@ public:
         const float fx = std::floor(x), fy = std::floor(y);
         const int ix = static_cast<int>(fx), iy = static_cast<int>(fy);
         if (ix < 0 || iy < 0 || ix + 1 >= kShadowSize || iy + 1 >= kShadowSize) return 1.0f;
-        const auto tap = [&](int dx, int dy) { return buffer_.depth[static_cast<size_t>((iy + dy) * kShadowSize + ix + dx)] < depth ? 0.0f : 1.0f; };
+        const auto tap = [&](int dx, int dy) {
+            return buffer_.depth[static_cast<size_t>((iy + dy) * kShadowSize + ix + dx)] < depth ? 0.0f : 1.0f;
+        };
         return mix(mix(tap(0, 0), tap(1, 0), x - fx), mix(tap(0, 1), tap(1, 1), x - fx), y - fy);
     }
 
-private:
+  private:
     void texel(Vec3 at, float& x, float& y) const {
         const Vec3 p = at - centre_;
         const float per = 0.5f * kShadowSize / reach_;
@@ -135,7 +134,8 @@ private:
 // What a mirror sees: sky above, ground below, a dark horizon line and two soft boxes.
 Vec3 surrounding(const View& v, Vec3 d) {
     const Vec3 ground = v.horizon * 0.55f + Vec3{0.04f, 0.04f, 0.04f};
-    Vec3 c = d.z > 0 ? mix(v.horizon, v.sky, smoothstep(0.0f, 0.75f, d.z)) : mix(v.horizon, ground * 1.6f, smoothstep(0.0f, 0.5f, -d.z));
+    Vec3 c = d.z > 0 ? mix(v.horizon, v.sky, smoothstep(0.0f, 0.75f, d.z))
+                     : mix(v.horizon, ground * 1.6f, smoothstep(0.0f, 0.5f, -d.z));
     c = c + Vec3{1.6f, 1.6f, 1.6f} * smoothstep(0.80f, 0.92f, dot(d, v.key_direction));
     c = c + Vec3{0.8f, 0.8f, 0.8f} * smoothstep(0.82f, 0.95f, dot(d, v.fill_direction));
     return c;
@@ -162,8 +162,9 @@ struct Shading {
 };
 
 class Shader {
-public:
-    Shader(const World& world, const View& view) : world_(world), view_(view) {
+  public:
+    Shader(const World& world, const View& view)
+        : world_(world), view_(view), centre_((world.low + world.high) * 0.5f) {
         if (view.shadows) shadow_.emplace_back(world, view);
     }
 
@@ -177,7 +178,8 @@ public:
         const WorldObject& object = world_.objects[static_cast<size_t>(p.object)];
         const Vec3 q = transposed_times(object.rotation, at - object.position) * (1.0f / object.size);
         const bool cover = world_.paints[static_cast<size_t>(p.paint)].material == kSnow;  // falls from the world's sky
-        Surface s = surface_at(world_.paints[static_cast<size_t>(p.paint)], q, cover ? n : transposed_times(object.rotation, n));
+        Surface s = surface_at(world_.paints[static_cast<size_t>(p.paint)], q,
+                               cover ? n : transposed_times(object.rotation, n));
         Vec3 bump = object.rotation * s.bump;
         if (p.pattern > 0.0f) apply_pattern(p, local, hit.normal, s, bump);
         n = normalized(n + bump);
@@ -186,46 +188,60 @@ public:
         return true;
     }
 
-private:
+  private:
     Vec3 light(const Surface& s, float tone, Vec3 at, Vec3 n, Vec3 eye, bool ground) const {
         const float facing = dot(n, view_.key_direction);
         const float lit = shadow_.empty() || facing <= 0.0f ? 1.0f : shadow_[0].lit(at, n);
         const float near_ground = ground ? 1.0f : mix(0.72f, 1.0f, smoothstep(0.0f, 0.5f, at.z + 0.3f * n.z));
-        const Vec3 diffuse = view_.key * (std::max(facing, 0.0f) * lit) + view_.fill * std::max(dot(n, view_.fill_direction), 0.0f) +
+        const Vec3 diffuse = view_.key * (std::max(facing, 0.0f) * lit) +
+                             view_.fill * std::max(dot(n, view_.fill_direction), 0.0f) +
                              view_.ambient * ((0.72f + 0.28f * n.z) * near_ground);
         const float grazing = 1.0f - clamp01(dot(n, eye));
         const float fresnel = grazing * grazing * grazing * grazing * grazing;
         const Vec3 mirror = n * (2.0f * dot(n, eye)) - eye;
-        const Vec3 seen = surrounding(view_, mirror);
+        // Near surroundings: the reflection also moves along a flat face.
+        const Vec3 seen = surrounding(view_, s.metal > 0.0f ? normalized(mirror + (at - centre_) * 0.4f) : mirror);
         if (s.metal > 0.0f) {
             const Vec3 f = mix(s.albedo, {1, 1, 1}, fresnel * 0.7f);
-            return (seen * f * 0.8f + s.albedo * diffuse * 0.22f) * tone + s.emission;
+            return (seen * f * 0.95f + s.albedo * diffuse * 0.16f) * tone + s.emission;
         }
         const float highlight = power_of_two(clamp01(dot(mirror, view_.key_direction)), s.sharpness) * lit;
-        return s.albedo * diffuse * tone + seen * (0.35f * fresnel * s.specular * 8.0f) + view_.key * (highlight * s.specular * 7.0f) + s.emission;
+        return s.albedo * diffuse * tone + seen * (0.35f * fresnel * s.specular * 8.0f) +
+               view_.key * (highlight * s.specular * 7.0f) + s.emission;
     }
 
     const World& world_;
     const View& view_;
+    Vec3 centre_;
     std::vector<ShadowMap> shadow_;
 };
 
 Vec3 backdrop_at(const BackdropSpec& b, const Paint& paint, const Paint& other, float u, float v) {
     switch (b.kind) {
-        case BackdropKind::kWhite: return {1, 1, 1};
-        case BackdropKind::kColour: return paint.base;
-        case BackdropKind::kGradient: return mix(paint.base, other.base, v);
-        case BackdropKind::kNoise: return mix(paint.base, other.base, noise2(Vec3{u * 5, v * 5, 0} + paint.offset));
+        case BackdropKind::kWhite:
+            return {1, 1, 1};
+        case BackdropKind::kColour:
+            return paint.base;
+        case BackdropKind::kGradient:
+            return mix(paint.base, other.base, v);
+        case BackdropKind::kNoise:
+            return mix(paint.base, other.base, noise2(Vec3{u * 5, v * 5, 0} + paint.offset));
     }
     return {1, 1, 1};
 }
 
 // The picture while it is made: linear colour a pixel.
 class Painter {
-public:
+  public:
     Painter(const World& world, const View& view, const BackdropSpec& backdrop, int size)
-        : world_(world), view_(view), size_(size), n_(2 * size), shader_(world, view), opaque_(n_),
-          colour_(static_cast<size_t>(size * size)), snow_(static_cast<size_t>(size * size), 0.0f) {
+        : world_(world),
+          view_(view),
+          size_(size),
+          n_(2 * size),
+          shader_(world, view),
+          opaque_(n_),
+          colour_(static_cast<size_t>(size * size)),
+          snow_(static_cast<size_t>(size * size), 0.0f) {
         grid_ = camera_rays(view, n_);
         Rng rng = Rng(backdrop.seed).fork(41);
         Rng tint = rng.fork(1), tint2 = rng.fork(2);
@@ -244,6 +260,13 @@ public:
         std::array<Vec3, 4> shaded;
         for (int y = 0; y < size_; ++y) {
             for (int x = 0; x < size_; ++x) {
+                const auto first = static_cast<size_t>(2 * y * n_ + 2 * x);
+                if (std::max(std::max(opaque_.id[first], opaque_.id[first + 1]),
+                             std::max(opaque_.id[first + static_cast<size_t>(n_)],
+                                      opaque_.id[first + static_cast<size_t>(n_) + 1])) < 0) {
+                    colour_[static_cast<size_t>(y * size_ + x)] = backdrop(x, y);
+                    continue;
+                }
                 Vec3 sum;
                 float snow = 0.0f;
                 for (int k = 0; k < 4; ++k) {
@@ -301,7 +324,8 @@ public:
         for (size_t i = 0; i < world_.primitives.size(); ++i) {
             const Primitive& p = world_.primitives[i];
             if (p.layer != Layer::kFlame) continue;
-            const Rect r = cover(p, n_, [&](Vec3 at, float& x, float& y) { return camera_project(view_, n_, at, x, y); });
+            const Rect r =
+                cover(p, n_, [&](Vec3 at, float& x, float& y) { return camera_project(view_, n_, at, x, y); });
             for (int y = r.y0 / 2; y < (r.y1 + 1) / 2; ++y) {
                 for (int x = r.x0 / 2; x < (r.x1 + 1) / 2; ++x) flame_pixel(p, static_cast<int16_t>(i), x, y);
             }
@@ -323,31 +347,42 @@ public:
         f.pixels.resize(colour_.size() * 3);
         Rng rng(view_.grain_seed);
         for (size_t i = 0; i < colour_.size(); ++i) {
-            for (int k = 0; k < 3; ++k) {
-                const float g = view_.grain > 0.0f ? view_.grain * rng.bell() : 0.0f;
-                f.pixels[3 * i + static_cast<size_t>(k)] = static_cast<uint8_t>(255.0f * clamp01(colour_[i][k] + g) + 0.5f);
+            uint64_t bits = view_.grain > 0.0f ? rng.next() : 0;
+            for (int k = 0; k < 3; ++k, bits >>= 21) {
+                // Uniform with the standard deviation `grain`.
+                const float g =
+                    view_.grain > 0.0f
+                        ? view_.grain * 1.73f * (static_cast<float>(bits & 0x1fffff) * (2.0f / 2097152.0f) - 1.0f)
+                        : 0.0f;
+                f.pixels[3 * i + static_cast<size_t>(k)] =
+                    static_cast<uint8_t>(255.0f * clamp01(colour_[i][k] + g) + 0.5f);
             }
         }
         return f;
     }
 
-private:
-    Vec3 ray(int sx, int sy) const { return grid_.d + grid_.du * static_cast<float>(sx) + grid_.dv * static_cast<float>(sy); }
+  private:
+    Vec3 ray(int sx, int sy) const {
+        return grid_.d + grid_.du * static_cast<float>(sx) + grid_.dv * static_cast<float>(sy);
+    }
 
     Vec3 backdrop(int x, int y) const {
         const float inv = 1.0f / static_cast<float>(size_);
-        return backdrop_at(backdrop_, first_, second_, (static_cast<float>(x) + 0.5f) * inv, (static_cast<float>(y) + 0.5f) * inv);
+        return backdrop_at(backdrop_, first_, second_, (static_cast<float>(x) + 0.5f) * inv,
+                           (static_cast<float>(y) + 0.5f) * inv);
     }
 
     bool has(Layer layer) const {
-        return std::any_of(world_.primitives.begin(), world_.primitives.end(), [&](const Primitive& p) { return p.layer == layer; });
+        return std::any_of(world_.primitives.begin(), world_.primitives.end(),
+                           [&](const Primitive& p) { return p.layer == layer; });
     }
 
     void cast_layer(Layer layer, const float* limit, DepthBuffer& buffer) const {
         for (size_t i = 0; i < world_.primitives.size(); ++i) {
             const Primitive& p = world_.primitives[i];
             if (p.layer != layer) continue;
-            const Rect r = cover(p, n_, [&](Vec3 at, float& x, float& y) { return camera_project(view_, n_, at, x, y); });
+            const Rect r =
+                cover(p, n_, [&](Vec3 at, float& x, float& y) { return camera_project(view_, n_, at, x, y); });
             cast(p, static_cast<int16_t>(i), grid_, r, limit, buffer);
         }
     }
@@ -364,7 +399,8 @@ private:
         const Paint& paint = world_.paints[static_cast<size_t>(p.paint)];
         const Vec3 d = ray(sx, sy), eye = normalized(-d);
         Hit hit;
-        if (!intersect(p, to_local(p, view_.eye - p.centre), to_local(p, d), 0.02f, hit)) return behind[static_cast<size_t>((sy / 2) * size_ + sx / 2)];
+        if (!intersect(p, to_local(p, view_.eye - p.centre), to_local(p, d), 0.02f, hit))
+            return behind[static_cast<size_t>((sy / 2) * size_ + sx / 2)];
         const Vec3 n = normal_to_world(p, hit.normal);
         const float facing = clamp01(dot(n, eye)), grazing = 1.0f - facing;
         // Refraction as a displacement along the screen projection of the normal.
@@ -377,13 +413,15 @@ private:
         const float fresnel = 0.06f + 0.5f * grazing * grazing * grazing;
         const float rim = 1.0f - 0.62f * smoothstep(0.45f, 0.95f, grazing);
         const float spark = power_of_two(clamp01(dot(mirror, view_.key_direction)), 6);
-        return through * tint * (rim * 0.94f) * mix(1.0f, p.shade, 0.5f) + surrounding(view_, mirror) * (fresnel * 0.75f) + Vec3{1, 1, 1} * (1.3f * spark);
+        return through * tint * (rim * 0.94f) * mix(1.0f, p.shade, 0.5f) +
+               surrounding(view_, mirror) * (fresnel * 0.75f) + Vec3{1, 1, 1} * (1.3f * spark);
     }
 
     void flame_pixel(const Primitive& p, int16_t id, int x, int y) {
         if (x < 0 || y < 0 || x >= size_ || y >= size_) return;
         const int sx = 2 * x, sy = 2 * y;
-        const Vec3 d = grid_.d + grid_.du * (static_cast<float>(sx) + 0.5f) + grid_.dv * (static_cast<float>(sy) + 0.5f);
+        const Vec3 d =
+            grid_.d + grid_.du * (static_cast<float>(sx) + 0.5f) + grid_.dv * (static_cast<float>(sy) + 0.5f);
         Hit hit;
         const Vec3 o = to_local(p, view_.eye - p.centre), local_d = to_local(p, d);
         if (!intersect(p, o, local_d, 0.02f, hit)) return;
@@ -410,7 +448,8 @@ private:
         for (int y = 0; y < size_; ++y) {
             for (int x = 0; x < size_; ++x) {
                 int empty = 0;
-                for (int k = 0; k < 4; ++k) empty += opaque_.id[static_cast<size_t>((2 * y + (k >> 1)) * n_ + 2 * x + (k & 1))] < 0;
+                for (int k = 0; k < 4; ++k)
+                    empty += opaque_.id[static_cast<size_t>((2 * y + (k >> 1)) * n_ + 2 * x + (k & 1))] < 0;
                 if (empty == 4) colour_[static_cast<size_t>(y * size_ + x)] = {1, 1, 1};
             }
         }
@@ -424,10 +463,12 @@ private:
             for (int y = 0; y < size_; ++y) {
                 for (int x = 0; x < size_; ++x) {
                     const auto get = [&](int dx) {
-                        const int px = std::clamp(x + (across ? dx : 0), 0, size_ - 1), py = std::clamp(y + (across ? 0 : dx), 0, size_ - 1);
+                        const int px = std::clamp(x + (across ? dx : 0), 0, size_ - 1),
+                                  py = std::clamp(y + (across ? 0 : dx), 0, size_ - 1);
                         return in[static_cast<size_t>(py * size_ + px)];
                     };
-                    colour_[static_cast<size_t>(y * size_ + x)] = get(0) * (1.0f - 2.0f * side) + (get(-1) + get(1)) * side;
+                    colour_[static_cast<size_t>(y * size_ + x)] =
+                        get(0) * (1.0f - 2.0f * side) + (get(-1) + get(1)) * side;
                 }
             }
         }

@@ -12,9 +12,9 @@ namespace fieldgraft::generator {
 
 struct Frame {
     int size = 0;
-    std::vector<uint8_t> pixels;     // size x size x 3
-    std::vector<int16_t> visible;    // (2 size) x (2 size): index of the primitive seen, −1 backdrop
-    std::vector<uint8_t> snow;       // size x size: 1 where snow is seen
+    std::vector<uint8_t> pixels;   // size x size x 3
+    std::vector<int16_t> visible;  // (2 size) x (2 size): index of the primitive seen, −1 backdrop
+    std::vector<uint8_t> snow;     // size x size: 1 where snow is seen
 };
 
 Frame render(const World& world, const View& view, const BackdropSpec& backdrop, int size);

@@ -23,7 +23,7 @@ inline uint64_t hash_text(std::string_view text, uint64_t seed = 0) {
 }
 
 class Rng {
-public:
+  public:
     explicit Rng(uint64_t seed) : state_(mix_bits(seed + 0x9e3779b97f4a7c15ULL)) {}
     uint64_t next() { return mix_bits(state_ += 0x9e3779b97f4a7c15ULL); }
     // [0, 1) with 24 bits.
@@ -36,7 +36,7 @@ public:
     float bell() { return (uniform() + uniform() + uniform() - 1.5f) * 2.0f; }
     Rng fork(uint64_t tag) const { return Rng(state_ ^ mix_bits(tag * 0xd6e8feb86659fd93ULL + 1)); }
 
-private:
+  private:
     uint64_t state_;
 };
 
@@ -54,13 +54,15 @@ inline float noise(Vec3 p) {
     const int x = static_cast<int>(fx), y = static_cast<int>(fy), z = static_cast<int>(fz);
     const auto fade = [](float t) { return t * t * (3.0f - 2.0f * t); };
     const float u = fade(p.x - fx), v = fade(p.y - fy), w = fade(p.z - fz);
-    const float near = mix(mix(lattice(x, y, z), lattice(x + 1, y, z), u),
-                           mix(lattice(x, y + 1, z), lattice(x + 1, y + 1, z), u), v);
+    const float near =
+        mix(mix(lattice(x, y, z), lattice(x + 1, y, z), u), mix(lattice(x, y + 1, z), lattice(x + 1, y + 1, z), u), v);
     const float far = mix(mix(lattice(x, y, z + 1), lattice(x + 1, y, z + 1), u),
                           mix(lattice(x, y + 1, z + 1), lattice(x + 1, y + 1, z + 1), u), v);
     return mix(near, far, w);
 }
 
-inline float noise2(Vec3 p) { return 0.66f * noise(p) + 0.34f * noise(p * 2.13f + Vec3{7.3f, 1.7f, 4.1f}); }
+inline float noise2(Vec3 p) {
+    return 0.66f * noise(p) + 0.34f * noise(p * 2.13f + Vec3{7.3f, 1.7f, 4.1f});
+}
 
 }  // namespace fieldgraft::generator

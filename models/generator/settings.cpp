@@ -10,7 +10,7 @@ namespace {
 
 struct Entry {
     const char* name;
-    float Settings::* member;
+    float Settings::*member;
     float low, high;
 };
 
@@ -98,10 +98,12 @@ Settings settings_from_json(std::string_view text) {
         }
         if (!known) throw std::invalid_argument("generator settings: there is no setting \"" + key + "\"");
     }
-    for (const auto& [lo, hi] : {std::pair{settings.elevation_min, settings.elevation_max},
-                                 std::pair{settings.fov_min, settings.fov_max},
-                                 std::pair{settings.frame_min, settings.frame_max}}) {
-        if (lo > hi) throw std::invalid_argument("generator settings: a minimum of " + std::to_string(lo) + " is above its maximum of " + std::to_string(hi));
+    for (const auto& [lo, hi] :
+         {std::pair{settings.elevation_min, settings.elevation_max}, std::pair{settings.fov_min, settings.fov_max},
+          std::pair{settings.frame_min, settings.frame_max}}) {
+        if (lo > hi)
+            throw std::invalid_argument("generator settings: a minimum of " + std::to_string(lo) +
+                                        " is above its maximum of " + std::to_string(hi));
     }
     return settings;
 }

@@ -15,7 +15,7 @@ struct Settings {
     float base_plate = 0.2f;  // of all pictures; the rest is split into discs and endless planes
     float endless_plane = 0.18f;
     // Objects.
-    float plain = 0.42f;       // no material word
+    float plain = 0.42f;            // no material word
     float own_part_colours = 1.0f;  // scales each part's own chance
     float addition = 0.12f, second_object = 0.12f, several = 0.05f;
     float clutter = 0.35f;
@@ -24,7 +24,7 @@ struct Settings {
     float say_ground = 0.12f, say_part = 0.3f, synonym = 0.12f, bare = 0.08f, prefix = 0.35f;
     // View.
     float elevation_min = 0.0f, elevation_max = 75.0f, fov_min = 20.0f, fov_max = 55.0f;
-    float frame_min = 0.45f, frame_max = 1.0f, cropped = 0.12f;
+    float frame_min = 0.55f, frame_max = 1.12f, cropped = 0.12f;
     float shadows = 0.7f, blurred = 0.3f, grainy = 0.35f;
     // Twins: relative weights of the seven changes.
     std::array<float, 7> change = {2.5f, 2.0f, 1.5f, 1.2f, 1.0f, 0.6f, 1.2f};

@@ -83,14 +83,17 @@ void Builder::greebles(int part, Vec3 centre, Vec3 half, int count) {
         const Vec3 at = centre + Vec3{half.x * rng.uniform(-0.8f, 0.8f), half.y * rng.uniform(-0.8f, 0.8f), half.z};
         const float s = std::min(half.x, half.y) * rng.uniform(0.12f, 0.35f);
         if (rng.chance(0.6f)) {
-            box(part, at, {s, s * rng.uniform(0.5f, 1.5f), s * rng.uniform(0.4f, 1.2f)})->shade = rng.uniform(0.7f, 1.1f);
+            box(part, at, {s, s * rng.uniform(0.5f, 1.5f), s * rng.uniform(0.4f, 1.2f)})->shade =
+                rng.uniform(0.7f, 1.1f);
         } else {
             rod(part, at, at + Vec3{0, 0, s * rng.uniform(0.5f, 2.0f)}, s * 0.7f);
         }
     }
 }
 
-void Builder::pattern(float spacing) { primitives_.back().pattern = spacing; }
+void Builder::pattern(float spacing) {
+    primitives_.back().pattern = spacing;
+}
 
 Builder::Result Builder::finish() {
     Vec3 lo{1e9f, 1e9f, 1e9f}, hi{-1e9f, -1e9f, -1e9f}, top;
@@ -138,9 +141,13 @@ const std::vector<ShapeInfo>& registry() {
 
 }  // namespace
 
-int shape_count() { return static_cast<int>(registry().size()); }
+int shape_count() {
+    return static_cast<int>(registry().size());
+}
 
-const ShapeInfo& shape_info(int shape) { return registry().at(static_cast<size_t>(shape)); }
+const ShapeInfo& shape_info(int shape) {
+    return registry().at(static_cast<size_t>(shape));
+}
 
 int shape_named(std::string_view name) {
     for (int i = 0; i < shape_count(); ++i) {

@@ -14,7 +14,7 @@
 namespace fieldgraft::generator {
 
 class Builder {
-public:
+  public:
     Builder(Rng rng, const std::vector<int>& absent) : rng(rng), absent_(absent) {}
 
     Primitive* box(int part, Vec3 centre, Vec3 half, const Mat3& rotation = {});
@@ -50,7 +50,7 @@ public:
     };
     Result finish();
 
-private:
+  private:
     Primitive* add(const Primitive& p);
 
     const std::vector<int>& absent_;
@@ -75,8 +75,8 @@ struct ShapeInfo {
     std::vector<std::string_view> synonyms;
     std::vector<PartRule> parts;
     void (*build)(Builder&);
-    bool tumbles = false;       // may lie in any direction
-    bool holds = true;          // things can be put on top of it
+    bool tumbles = false;        // may lie in any direction
+    bool holds = true;           // things can be put on top of it
     uint32_t usual_colours = 0;  // drawn more often than others
     float weight = 1.0f;
 };
@@ -85,7 +85,9 @@ int shape_count();
 const ShapeInfo& shape_info(int shape);
 int shape_named(std::string_view name);  // throws std::invalid_argument
 
-constexpr uint32_t bit(int colour) { return 1u << colour; }
+constexpr uint32_t bit(int colour) {
+    return 1u << colour;
+}
 
 // The lists that the registry is put together from.
 std::vector<ShapeInfo> basic_shapes();

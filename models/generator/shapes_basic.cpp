@@ -9,14 +9,18 @@ void build_cube(Builder& b) {
     b.box(kBody, {0, 0, 1}, {s, b.rng.uniform(0.9f, 1.1f), 1});
 }
 
-void build_ball(Builder& b) { b.ball(kBody, {0, 0, 1}, 1.0f); }
+void build_ball(Builder& b) {
+    b.ball(kBody, {0, 0, 1}, 1.0f);
+}
 
 void build_cone(Builder& b) {
     const float h = b.rng.uniform(1.4f, 2.6f);
     b.rod(kBody, {0, 0, 0}, {0, 0, h}, 1.0f, b.rng.chance(0.2f) ? 0.12f : 0.01f);
 }
 
-void build_cylinder(Builder& b) { b.rod(kBody, {0, 0, 0}, {0, 0, b.rng.uniform(1.3f, 2.8f)}, 0.8f); }
+void build_cylinder(Builder& b) {
+    b.rod(kBody, {0, 0, 0}, {0, 0, b.rng.uniform(1.3f, 2.8f)}, 0.8f);
+}
 
 void build_ring(Builder& b) {
     const float minor = b.rng.uniform(0.16f, 0.4f);
@@ -25,7 +29,9 @@ void build_ring(Builder& b) {
     b.ring(kBody, {0, 0, 1}, axis, 1.0f, minor);
 }
 
-void build_pyramid(Builder& b) { b.pyramid(kBody, {0, 0, 0}, {1, 1, b.rng.uniform(0.65f, 1.1f)}); }
+void build_pyramid(Builder& b) {
+    b.pyramid(kBody, {0, 0, 0}, {1, 1, b.rng.uniform(0.65f, 1.1f)});
+}
 
 }  // namespace
 

@@ -39,7 +39,8 @@ void build_chair(Builder& b) {
             for (int i = 0; i < 3; ++i) back(0, top * (0.35f + 0.28f * static_cast<float>(i)), w - leg, top * 0.09f);
         } else {
             back(0, top * 0.93f, w - leg, top * 0.09f);
-            for (int i = 0; i < 4; ++i) back(w * (-0.54f + 0.36f * static_cast<float>(i)), top * 0.45f, w * 0.08f, top * 0.45f);
+            for (int i = 0; i < 4; ++i)
+                back(w * (-0.54f + 0.36f * static_cast<float>(i)), top * 0.45f, w * 0.08f, top * 0.45f);
         }
     }
     if (b.rng.chance(0.25f)) {
@@ -77,7 +78,8 @@ void build_stool(Builder& b) {
     const float turn = b.rng.uniform(0, 6.28f);
     for (int i = 0; i < legs; ++i) {
         const float a = turn + 2 * kPi * static_cast<float>(i) / static_cast<float>(legs);
-        b.rod(kLegs, {r * cosine(a) * 1.1f, r * sine(a) * 1.1f, 0}, {r * cosine(a) * 0.65f, r * sine(a) * 0.65f, h}, leg);
+        b.rod(kLegs, {r * cosine(a) * 1.1f, r * sine(a) * 1.1f, 0}, {r * cosine(a) * 0.65f, r * sine(a) * 0.65f, h},
+              leg);
     }
     if (b.rng.chance(0.6f)) b.ring(kRungs, {0, 0, h * 0.4f}, {0, 0, 1}, r * 0.93f, leg * 0.7f);
 }
@@ -86,7 +88,8 @@ void build_bed(Builder& b) {
     const float w = b.rng.uniform(0.5f, 0.75f), h = b.rng.uniform(0.2f, 0.35f);
     b.box(kFrame, {0, 0, h}, {1.1f, w, 0.08f});
     for (const float sx : {-1.0f, 1.0f}) {
-        for (const float sy : {-1.0f, 1.0f}) b.box(kLegs, {sx * 1.02f, sy * (w - 0.07f), h * 0.5f}, {0.07f, 0.07f, h * 0.5f});
+        for (const float sy : {-1.0f, 1.0f})
+            b.box(kLegs, {sx * 1.02f, sy * (w - 0.07f), h * 0.5f}, {0.07f, 0.07f, h * 0.5f});
     }
     b.box(kMattress, {0.02f, 0, h + 0.19f}, {1.04f, w - 0.03f, 0.12f});
     b.box(kBlanket, {0.33f, 0, h + 0.21f}, {0.76f, w + 0.01f, 0.13f});
@@ -135,18 +138,39 @@ void build_house(Builder& b) {
 std::vector<ShapeInfo> furniture_shapes() {
     const uint32_t cloth = bit(kWhite) | bit(kRed) | bit(kBlue) | bit(kPink) | bit(kGreen) | bit(kYellow);
     return {
-        {"chair", "chairs", {}, {{kBack, .12f, 0, true}, {kSeat, .3f, 0, false}, {kLegs, .3f, 0, true}, {kArms, .1f, 0, true}},
+        {"chair",
+         "chairs",
+         {},
+         {{kBack, .12f, 0, true}, {kSeat, .3f, 0, false}, {kLegs, .3f, 0, true}, {kArms, .1f, 0, true}},
          build_chair},
         {"table", "tables", {"desk"}, {{kTop, .2f, 0, false}, {kLegs, .35f, 0, true}}, build_table},
         {"stool", "stools", {}, {{kSeat, .4f, 0, false}, {kLegs, .1f, 0, true}, {kRungs, .1f, 0, true}}, build_stool},
-        {"bed", "beds", {}, {{kMattress, .7f, bit(kWhite) | bit(kGrey), false}, {kPillow, .75f, cloth, true}, {kBlanket, .1f, 0, true},
-                   {kHeadboard, .5f, bit(kBrown) | bit(kBlack) | bit(kWhite), true}, {kFrame, .6f, bit(kBrown) | bit(kBlack) | bit(kWhite), false},
-                   {kLegs, .6f, bit(kBrown) | bit(kBlack), true}}, build_bed},
-        {"lamp", "lamps", {}, {{kLampshade, .15f, 0, true}, {kStand, .5f, bit(kBlack) | bit(kGrey) | bit(kBrown), false},
-                    {kBase, .5f, bit(kBlack) | bit(kGrey) | bit(kBrown), true}}, build_lamp, false, true},
-        {"house", "houses", {"cabin"}, {{kRoof, .75f, bit(kRed) | bit(kBrown) | bit(kBlack) | bit(kGrey) | bit(kOrange), true},
-                   {kWindows, .85f, bit(kBlue) | bit(kBlack) | bit(kWhite) | bit(kYellow), true},
-                   {kDoor, .85f, bit(kBrown) | bit(kRed) | bit(kBlack) | bit(kGreen), true}, {kChimney, .6f, bit(kRed) | bit(kGrey) | bit(kBrown), true}},
+        {"bed",
+         "beds",
+         {},
+         {{kMattress, .7f, bit(kWhite) | bit(kGrey), false},
+          {kPillow, .75f, cloth, true},
+          {kBlanket, .1f, 0, true},
+          {kHeadboard, .5f, bit(kBrown) | bit(kBlack) | bit(kWhite), true},
+          {kFrame, .6f, bit(kBrown) | bit(kBlack) | bit(kWhite), false},
+          {kLegs, .6f, bit(kBrown) | bit(kBlack), true}},
+         build_bed},
+        {"lamp",
+         "lamps",
+         {},
+         {{kLampshade, .15f, 0, true},
+          {kStand, .5f, bit(kBlack) | bit(kGrey) | bit(kBrown), false},
+          {kBase, .5f, bit(kBlack) | bit(kGrey) | bit(kBrown), true}},
+         build_lamp,
+         false,
+         true},
+        {"house",
+         "houses",
+         {"cabin"},
+         {{kRoof, .75f, bit(kRed) | bit(kBrown) | bit(kBlack) | bit(kGrey) | bit(kOrange), true},
+          {kWindows, .85f, bit(kBlue) | bit(kBlack) | bit(kWhite) | bit(kYellow), true},
+          {kDoor, .85f, bit(kBrown) | bit(kRed) | bit(kBlack) | bit(kGreen), true},
+          {kChimney, .6f, bit(kRed) | bit(kGrey) | bit(kBrown), true}},
          build_house},
     };
 }

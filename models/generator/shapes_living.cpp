@@ -25,7 +25,8 @@ void build_monkey(Builder& b) {
 }
 
 void build_robot(Builder& b) {
-    const float w = b.rng.uniform(0.36f, 0.48f), leg = b.rng.uniform(0.4f, 0.6f), torso = b.rng.uniform(0.32f, 0.42f), head = b.rng.uniform(0.22f, 0.3f);
+    const float w = b.rng.uniform(0.36f, 0.48f), leg = b.rng.uniform(0.4f, 0.6f), torso = b.rng.uniform(0.32f, 0.42f),
+                head = b.rng.uniform(0.22f, 0.3f);
     for (const float s : {-1.0f, 1.0f}) {
         b.box(kLegs, {0, s * w * 0.5f, leg * 0.5f + 0.05f}, {0.12f, 0.13f, leg * 0.5f});
         b.box(kLegs, {0.07f, s * w * 0.5f, 0.07f}, {0.22f, 0.16f, 0.07f});
@@ -58,7 +59,8 @@ void build_snowman(Builder& b) {
     b.rod(kNose, {h * 0.9f, 0, z3}, {h * 0.9f + 0.35f, 0, z3 - 0.03f}, 0.08f, 0.01f);
     for (const float s : {-1.0f, 1.0f}) {
         b.ball(kEyes, {h * 0.86f, s * h * 0.4f, z3 + h * 0.3f}, 0.06f);
-        b.rod(kArms, {0, s * q * 0.9f, z2 + 0.05f}, {0.1f, s * (q + 0.55f), z2 + b.rng.uniform(0.1f, 0.4f)}, 0.04f, 0.025f);
+        b.rod(kArms, {0, s * q * 0.9f, z2 + 0.05f}, {0.1f, s * (q + 0.55f), z2 + b.rng.uniform(0.1f, 0.4f)}, 0.04f,
+              0.025f);
     }
     for (int i = 0; i < 3; ++i) b.ball(kButtons, {q * 0.97f, 0, z2 - 0.2f + 0.2f * static_cast<float>(i)}, 0.055f);
     if (b.rng.chance(0.5f)) b.ring(kScarf, {0, 0, z3 - h * 0.8f}, {0, 0, 1}, h * 0.75f, 0.1f);
@@ -82,7 +84,8 @@ void build_tree(Builder& b) {
         b.ball(kLeaves, {0, 0, h + crown}, crown);
         const int lumps = b.rng.between(4, 8);
         for (int i = 0; i < lumps; ++i) {
-            const float a = b.rng.uniform(0, 6.28f), e = b.rng.uniform(-0.3f, 0.9f), s = crown * b.rng.uniform(0.4f, 0.65f);
+            const float a = b.rng.uniform(0, 6.28f), e = b.rng.uniform(-0.3f, 0.9f),
+                        s = crown * b.rng.uniform(0.4f, 0.65f);
             b.ball(kLeaves, {crown * cosine(a) * 0.75f, crown * sine(a) * 0.75f, h + crown * (1 + e * 0.7f)}, s);
         }
     } else {  // branches with tufts
@@ -134,7 +137,8 @@ void build_flower(Builder& b) {
 }
 
 void build_duck(Builder& b) {
-    const float l = b.rng.uniform(0.68f, 0.8f), w = b.rng.uniform(0.46f, 0.56f), h = b.rng.uniform(0.38f, 0.46f), r = b.rng.uniform(0.3f, 0.37f);
+    const float l = b.rng.uniform(0.68f, 0.8f), w = b.rng.uniform(0.46f, 0.56f), h = b.rng.uniform(0.38f, 0.46f),
+                r = b.rng.uniform(0.3f, 0.37f);
     b.ball(kBody, {0, 0, h}, {l, w, h});
     b.ball(kTail, {-l * 0.9f, 0, h * 1.45f}, {0.26f, 0.2f, 0.1f}, rotation_y(0.7f));
     const Vec3 head{l * 0.62f, 0, h * 1.75f + r * 0.6f};
@@ -148,7 +152,8 @@ void build_duck(Builder& b) {
 }
 
 void build_cat(Builder& b) {
-    const float w = b.rng.uniform(0.26f, 0.34f), leg = b.rng.uniform(0.3f, 0.42f), l = b.rng.uniform(0.55f, 0.68f), r = b.rng.uniform(0.29f, 0.36f);
+    const float w = b.rng.uniform(0.26f, 0.34f), leg = b.rng.uniform(0.3f, 0.42f), l = b.rng.uniform(0.55f, 0.68f),
+                r = b.rng.uniform(0.29f, 0.36f);
     for (const float sx : {-0.8f, 0.8f}) {
         for (const float sy : {-0.6f, 0.6f}) b.rod(kLegs, {sx * l, sy * w, 0}, {sx * l, sy * w, leg + 0.1f}, 0.09f);
     }
@@ -171,19 +176,101 @@ void build_cat(Builder& b) {
 std::vector<ShapeInfo> living_shapes() {
     const PartRule eyes{kEyes, .97f, bit(kBlack) | bit(kWhite), true};
     return {
-        {"monkey head", "monkey heads", {"monkey", "ape head"}, {{kEyes, .95f, bit(kWhite), true}, {kEars, .2f, 0, true}, {kMuzzle, .4f, bit(kPink) | bit(kBrown) | bit(kOrange) | bit(kWhite), true},
-            {kHead, 0, 0, false}}, build_monkey, false, true, bit(kBrown) | bit(kGrey) | bit(kOrange), 1.3f},
-        {"robot", "robots", {}, {{kEyes, .95f, bit(kYellow) | bit(kBlue) | bit(kRed) | bit(kBlack), true}, {kArms, .4f, 0, true}, {kLegs, .3f, 0, true}, {kHead, .25f, 0, true}, {kAntenna, .6f, bit(kRed) | bit(kYellow), true},
-            {kButtons, .7f, 0, false}}, build_robot, false, true, bit(kGrey) | bit(kBlue) | bit(kRed)},
-        {"snowman", "snowmen", {}, {{kNose, .97f, bit(kOrange), true}, {kEyes, .97f, bit(kBlack), true}, {kArms, .9f, bit(kBrown) | bit(kBlack), true}, {kScarf, .95f, bit(kRed) | bit(kBlue) | bit(kGreen), true},
-            {kButtons, .95f, bit(kBlack), true}, {kHead, 0, 0, true}}, build_snowman, false, true, bit(kWhite)},
-        {"tree", "trees", {}, {{kTrunk, .85f, bit(kBrown) | bit(kGrey), true}, {kFruit, .98f, bit(kRed) | bit(kYellow) | bit(kOrange), true}, {kLeaves, 0, 0, false}}, build_tree, false, false, bit(kGreen), 1.2f},
-        {"mushroom", "mushrooms", {}, {{kStem, .85f, bit(kWhite) | bit(kBrown), true}, {kSpots, .98f, bit(kWhite) | bit(kYellow), true}, {kCap, 0, 0, false}}, build_mushroom, false, true, bit(kRed) | bit(kBrown)},
-        {"flower", "flowers", {}, {{kStem, .95f, bit(kGreen), false}, {kLeaves, .97f, bit(kGreen), true}, {kHead, .8f, bit(kYellow) | bit(kBrown) | bit(kOrange), false}, {kPot, .9f, bit(kBrown) | bit(kOrange) | bit(kWhite), true},
-            {kPetals, 0, 0, true}}, build_flower, false, false},
-        {"duck", "ducks", {"rubber duck"}, {{kMuzzle, .95f, bit(kOrange) | bit(kRed), false}, eyes, {kWings, .2f, 0, true}, {kTail, .1f, 0, true}, {kHead, .12f, bit(kGreen) | bit(kWhite), true}}, build_duck, false, true, bit(kYellow) | bit(kWhite)},
-        {"cat", "cats", {"kitten"}, {eyes, {kEars, .2f, 0, true}, {kTail, .25f, 0, true}, {kLegs, .2f, 0, true}, {kNose, .9f, bit(kPink) | bit(kBlack), false}, {kHead, .12f, 0, true}}, build_cat, false, true,
-            bit(kBlack) | bit(kWhite) | bit(kGrey) | bit(kOrange)},
+        {"monkey head",
+         "monkey heads",
+         {"monkey", "ape head"},
+         {{kEyes, .95f, bit(kWhite), true},
+          {kEars, .2f, 0, true},
+          {kMuzzle, .4f, bit(kPink) | bit(kBrown) | bit(kOrange) | bit(kWhite), true},
+          {kHead, 0, 0, false}},
+         build_monkey,
+         false,
+         true,
+         bit(kBrown) | bit(kGrey) | bit(kOrange),
+         1.3f},
+        {"robot",
+         "robots",
+         {},
+         {{kEyes, .95f, bit(kYellow) | bit(kBlue) | bit(kRed) | bit(kBlack), true},
+          {kArms, .4f, 0, true},
+          {kLegs, .3f, 0, true},
+          {kHead, .25f, 0, true},
+          {kAntenna, .6f, bit(kRed) | bit(kYellow), true},
+          {kButtons, .7f, 0, false}},
+         build_robot,
+         false,
+         true,
+         bit(kGrey) | bit(kBlue) | bit(kRed)},
+        {"snowman",
+         "snowmen",
+         {},
+         {{kNose, .97f, bit(kOrange), true},
+          {kEyes, .97f, bit(kBlack), true},
+          {kArms, .9f, bit(kBrown) | bit(kBlack), true},
+          {kScarf, .95f, bit(kRed) | bit(kBlue) | bit(kGreen), true},
+          {kButtons, .95f, bit(kBlack), true},
+          {kHead, 0, 0, true}},
+         build_snowman,
+         false,
+         true,
+         bit(kWhite)},
+        {"tree",
+         "trees",
+         {},
+         {{kTrunk, .85f, bit(kBrown) | bit(kGrey), true},
+          {kFruit, .98f, bit(kRed) | bit(kYellow) | bit(kOrange), true},
+          {kLeaves, 0, 0, false}},
+         build_tree,
+         false,
+         false,
+         bit(kGreen),
+         1.2f},
+        {"mushroom",
+         "mushrooms",
+         {},
+         {{kStem, .85f, bit(kWhite) | bit(kBrown), true},
+          {kSpots, .98f, bit(kWhite) | bit(kYellow), true},
+          {kCap, 0, 0, false}},
+         build_mushroom,
+         false,
+         true,
+         bit(kRed) | bit(kBrown)},
+        {"flower",
+         "flowers",
+         {},
+         {{kStem, .95f, bit(kGreen), false},
+          {kLeaves, .97f, bit(kGreen), true},
+          {kHead, .8f, bit(kYellow) | bit(kBrown) | bit(kOrange), false},
+          {kPot, .9f, bit(kBrown) | bit(kOrange) | bit(kWhite), true},
+          {kPetals, 0, 0, true}},
+         build_flower,
+         false,
+         false},
+        {"duck",
+         "ducks",
+         {"rubber duck"},
+         {{kMuzzle, .95f, bit(kOrange) | bit(kRed), false},
+          eyes,
+          {kWings, .2f, 0, true},
+          {kTail, .1f, 0, true},
+          {kHead, .12f, bit(kGreen) | bit(kWhite), true}},
+         build_duck,
+         false,
+         true,
+         bit(kYellow) | bit(kWhite)},
+        {"cat",
+         "cats",
+         {"kitten"},
+         {eyes,
+          {kEars, .2f, 0, true},
+          {kTail, .25f, 0, true},
+          {kLegs, .2f, 0, true},
+          {kNose, .9f, bit(kPink) | bit(kBlack), false},
+          {kHead, .12f, 0, true}},
+         build_cat,
+         false,
+         true,
+         bit(kBlack) | bit(kWhite) | bit(kGrey) | bit(kOrange)},
     };
 }
 

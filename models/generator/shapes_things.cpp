@@ -14,7 +14,8 @@ void build_mug(Builder& b) {
 }
 
 void build_bottle(Builder& b) {
-    const float r = b.rng.uniform(0.3f, 0.42f), h = b.rng.uniform(0.8f, 1.15f), neck = r * b.rng.uniform(0.3f, 0.42f), tall = b.rng.uniform(0.35f, 0.6f);
+    const float r = b.rng.uniform(0.3f, 0.42f), h = b.rng.uniform(0.8f, 1.15f), neck = r * b.rng.uniform(0.3f, 0.42f),
+                tall = b.rng.uniform(0.35f, 0.6f);
     b.rod(kBody, {0, 0, 0}, {0, 0, h}, r);
     b.dome(kBody, {0, 0, h}, {r, r, r * b.rng.uniform(0.7f, 1.1f)});
     b.rod(kBody, {0, 0, h}, {0, 0, h + r + tall}, neck);
@@ -74,7 +75,8 @@ void build_crown(Builder& b) {
     for (int i = 0; i < points; ++i) {
         const float a = 2 * kPi * static_cast<float>(i) / static_cast<float>(points);
         const Mat3 m = rotation_z(a);
-        b.gable(kPoints, m * Vec3{r * 0.98f, 0, h + tip * 0.5f}, {r * 2.9f / static_cast<float>(points), 0.06f, tip * 0.5f}, m * rotation_z(0.5f * kPi));
+        b.gable(kPoints, m * Vec3{r * 0.98f, 0, h + tip * 0.5f},
+                {r * 2.9f / static_cast<float>(points), 0.06f, tip * 0.5f}, m * rotation_z(0.5f * kPi));
         b.ball(kJewels, m * Vec3{r, 0, h + tip}, 0.09f);
         b.ball(kJewels, rotation_z(a + 0.35f) * Vec3{r, 0, h * 0.5f}, 0.085f);
     }
@@ -89,21 +91,25 @@ void build_drum(Builder& b) {
     b.rod(kSkins, {0, 0, h - 0.01f}, {0, 0, h + 0.02f}, r * 0.97f);
     for (int i = 0; i < 8; ++i) {
         const float a = 2 * kPi * static_cast<float>(i) / 8.0f, c = a + 0.39f;
-        b.rod(kFrame, {r * 1.02f * cosine(a), r * 1.02f * sine(a), 0.08f}, {r * 1.02f * cosine(c), r * 1.02f * sine(c), h}, 0.025f);
+        b.rod(kFrame, {r * 1.02f * cosine(a), r * 1.02f * sine(a), 0.08f},
+              {r * 1.02f * cosine(c), r * 1.02f * sine(c), h}, 0.025f);
     }
     b.anchor({0, 0, h + 0.02f}, r * 0.8f);
 }
 
 void build_castle(Builder& b) {
-    const float w = b.rng.uniform(0.65f, 0.8f), h = b.rng.uniform(0.3f, 0.42f), tower = b.rng.uniform(0.55f, 0.75f), r = b.rng.uniform(0.2f, 0.26f);
+    const float w = b.rng.uniform(0.65f, 0.8f), h = b.rng.uniform(0.3f, 0.42f), tower = b.rng.uniform(0.55f, 0.75f),
+                r = b.rng.uniform(0.2f, 0.26f);
     b.box(kBody, {0, 0, h}, {w, w, h});
     const bool pointed = b.rng.chance(0.6f);
     for (const float sx : {-1.0f, 1.0f}) {
         for (const float sy : {-1.0f, 1.0f}) {
             const Vec3 at{sx * w, sy * w, 0};
             b.rod(kTowers, at, at + Vec3{0, 0, 2 * tower}, r);
-            if (pointed) b.rod(kRoof, at + Vec3{0, 0, 2 * tower}, at + Vec3{0, 0, 2 * tower + 0.5f}, r * 1.25f, 0.01f);
-            else b.rod(kTowers, at + Vec3{0, 0, 2 * tower}, at + Vec3{0, 0, 2 * tower + 0.15f}, r * 1.22f);
+            if (pointed)
+                b.rod(kRoof, at + Vec3{0, 0, 2 * tower}, at + Vec3{0, 0, 2 * tower + 0.5f}, r * 1.25f, 0.01f);
+            else
+                b.rod(kTowers, at + Vec3{0, 0, 2 * tower}, at + Vec3{0, 0, 2 * tower + 0.15f}, r * 1.22f);
         }
         for (const float t : {-0.4f, 0.0f, 0.4f}) {
             b.box(kBody, {sx * w, t * w, 2 * h + 0.06f}, {0.06f, w * 0.12f, 0.09f});
@@ -133,14 +139,63 @@ std::vector<ShapeInfo> thing_shapes() {
     const uint32_t dark = bit(kBlack) | bit(kGrey);
     return {
         {"mug", "mugs", {"cup", "coffee mug"}, {{kHandle, .15f, 0, true}}, build_mug},
-        {"bottle", "bottles", {}, {{kCap, .6f, 0, true}, {kLabel, .7f, bit(kWhite) | bit(kRed) | bit(kYellow), true}}, build_bottle, false, true, bit(kGreen) | bit(kBrown)},
+        {"bottle",
+         "bottles",
+         {},
+         {{kCap, .6f, 0, true}, {kLabel, .7f, bit(kWhite) | bit(kRed) | bit(kYellow), true}},
+         build_bottle,
+         false,
+         true,
+         bit(kGreen) | bit(kBrown)},
         {"vase", "vases", {}, {{kHandle, .15f, 0, true}, {kBase, .15f, 0, false}}, build_vase, false, false},
-        {"microphone", "microphones", {"mic"}, {{kMesh, .75f, dark | bit(kWhite), true}, {kStand, .5f, dark, true}, {kBase, .5f, dark, false}, {kHandle, 0, 0, false}}, build_microphone, false, false, dark},
-        {"hat", "hats", {}, {{kBand, .85f, bit(kBlack) | bit(kRed) | bit(kWhite) | bit(kYellow), true}, {kBrim, .08f, 0, true}}, build_hat, false, true},
-        {"crown", "crowns", {}, {{kJewels, .9f, bit(kRed) | bit(kBlue) | bit(kGreen), true}, {kPoints, 0, 0, false}}, build_crown, false, false, bit(kYellow)},
-        {"drum", "drums", {}, {{kFrame, .75f, dark | bit(kWhite) | bit(kYellow), false}, {kSkins, .92f, bit(kWhite), false}}, build_drum},
-        {"castle", "castles", {}, {{kRoof, .8f, bit(kRed) | bit(kBlue) | bit(kBlack), false}, {kDoor, .85f, bit(kBrown) | bit(kBlack), true}, {kTowers, .1f, 0, true}}, build_castle, false, true, bit(kGrey)},
-        {"umbrella", "umbrellas", {"parasol"}, {{kHandle, .7f, bit(kBrown) | bit(kBlack), true}}, build_umbrella, false, false},
+        {"microphone",
+         "microphones",
+         {"mic"},
+         {{kMesh, .75f, dark | bit(kWhite), true},
+          {kStand, .5f, dark, true},
+          {kBase, .5f, dark, false},
+          {kHandle, 0, 0, false}},
+         build_microphone,
+         false,
+         false,
+         dark},
+        {"hat",
+         "hats",
+         {},
+         {{kBand, .85f, bit(kBlack) | bit(kRed) | bit(kWhite) | bit(kYellow), true}, {kBrim, .08f, 0, true}},
+         build_hat,
+         false,
+         true},
+        {"crown",
+         "crowns",
+         {},
+         {{kJewels, .9f, bit(kRed) | bit(kBlue) | bit(kGreen), true}, {kPoints, 0, 0, false}},
+         build_crown,
+         false,
+         false,
+         bit(kYellow)},
+        {"drum",
+         "drums",
+         {},
+         {{kFrame, .75f, dark | bit(kWhite) | bit(kYellow), false}, {kSkins, .92f, bit(kWhite), false}},
+         build_drum},
+        {"castle",
+         "castles",
+         {},
+         {{kRoof, .8f, bit(kRed) | bit(kBlue) | bit(kBlack), false},
+          {kDoor, .85f, bit(kBrown) | bit(kBlack), true},
+          {kTowers, .1f, 0, true}},
+         build_castle,
+         false,
+         true,
+         bit(kGrey)},
+        {"umbrella",
+         "umbrellas",
+         {"parasol"},
+         {{kHandle, .7f, bit(kBrown) | bit(kBlack), true}},
+         build_umbrella,
+         false,
+         false},
     };
 }
 

@@ -8,7 +8,9 @@ namespace {
 void track(Builder& b, float y, float length, float radius, float half_width) {
     for (const float sx : {-1.0f, 1.0f}) {
         b.rod(kTracks, {sx * length, y - half_width, radius}, {sx * length, y + half_width, radius}, radius);
-        b.rod(kTracks, {sx * length, y - half_width * 1.1f, radius}, {sx * length, y + half_width * 1.1f, radius}, radius * 0.5f)->shade = 1.9f;
+        b.rod(kTracks, {sx * length, y - half_width * 1.1f, radius}, {sx * length, y + half_width * 1.1f, radius},
+              radius * 0.5f)
+            ->shade = 1.9f;
     }
     b.box(kTracks, {0, y, radius}, {length, half_width, radius})->shade = 0.8f;
     const int ribs = 7;
@@ -18,7 +20,9 @@ void track(Builder& b, float y, float length, float radius, float half_width) {
     }
     for (int i = 0; i < 2; ++i) {
         const float x = length * (-0.33f + 0.66f * static_cast<float>(i));
-        b.rod(kTracks, {x, y - half_width * 1.1f, radius * 0.75f}, {x, y + half_width * 1.1f, radius * 0.75f}, radius * 0.45f)->shade = 1.7f;
+        b.rod(kTracks, {x, y - half_width * 1.1f, radius * 0.75f}, {x, y + half_width * 1.1f, radius * 0.75f},
+              radius * 0.45f)
+            ->shade = 1.7f;
     }
 }
 
@@ -32,7 +36,8 @@ void bulldozer_blade(Builder& b, float reach, float width, float height, float l
     b.box(kBlade, at + r * Vec3{0.08f, 0, -height}, {0.09f, width, 0.04f}, r * rotation_y(0.5f));
     for (const float s : {-1.0f, 1.0f}) b.box(kBlade, at + r * Vec3{0.05f, s * width, 0}, {0.12f, 0.03f, height}, r);
     if (b.rng.chance(0.5f)) {
-        for (const float s : {-0.5f, 0.5f}) b.box(kBlade, at + r * Vec3{-0.07f, s * width, 0}, {0.04f, 0.05f, height * 0.8f}, r);
+        for (const float s : {-0.5f, 0.5f})
+            b.box(kBlade, at + r * Vec3{-0.07f, s * width, 0}, {0.04f, 0.05f, height * 0.8f}, r);
     }
 }
 
@@ -52,9 +57,12 @@ void bulldozer_body(Builder& b, float w, float deck) {
     b.greebles(kBody, {-0.72f, 0, deck + 0.1f + 2 * rear}, {0.2f, w * 0.7f, 0}, b.rng.between(0, 4));
     if (b.rng.chance(0.45f)) {
         b.box(kBody, {-1.02f, 0, deck + 0.12f}, {0.14f, w * 0.3f, 0.06f});
-        for (const float s : {-0.25f, 0.25f}) b.rod(kBody, {-1.1f, s, deck + 0.15f}, {-1.16f, s, deck - 0.25f}, 0.05f, 0.03f);
+        for (const float s : {-0.25f, 0.25f})
+            b.rod(kBody, {-1.1f, s, deck + 0.15f}, {-1.16f, s, deck - 0.25f}, 0.05f, 0.03f);
     }
-    if (b.rng.chance(0.6f)) b.rod(kExhaust, {0.3f, hood_width * 0.7f, deck + 2 * hood}, {0.3f, hood_width * 0.7f, deck + 2 * hood + 0.5f}, 0.05f);
+    if (b.rng.chance(0.6f))
+        b.rod(kExhaust, {0.3f, hood_width * 0.7f, deck + 2 * hood}, {0.3f, hood_width * 0.7f, deck + 2 * hood + 0.5f},
+              0.05f);
 }
 
 void bulldozer_cab(Builder& b, float w, float deck) {
@@ -67,7 +75,8 @@ void bulldozer_cab(Builder& b, float w, float deck) {
         b.box(kWindows, {x - 0.28f, 0, base + 1.35f * h}, {0.02f, cw * 0.7f, h * 0.36f});
     } else {  // posts, seat, roof
         for (const float sx : {-1.0f, 1.0f}) {
-            for (const float sy : {-1.0f, 1.0f}) b.box(kCab, {x + sx * 0.25f, sy * cw * 0.92f, base + h}, {0.04f, 0.04f, h});
+            for (const float sy : {-1.0f, 1.0f})
+                b.box(kCab, {x + sx * 0.25f, sy * cw * 0.92f, base + h}, {0.04f, 0.04f, h});
         }
         b.box(kSeat, {x - 0.05f, 0, base + 0.15f}, {0.14f, cw * 0.45f, 0.12f});
         b.box(kSeat, {x - 0.17f, 0, base + 0.4f}, {0.04f, cw * 0.45f, 0.2f});
@@ -75,25 +84,75 @@ void bulldozer_cab(Builder& b, float w, float deck) {
     }
     b.box(kRoof, {x, 0, base + 2 * h + 0.04f}, {0.34f, cw * 1.12f, 0.05f});
     if (b.rng.chance(0.5f)) b.pattern(0.13f);
+    if (b.rng.chance(0.4f)) b.rod(kLights, {x, 0, base + 2 * h}, {x, 0, base + 2 * h + 0.2f}, 0.07f);
     b.anchor({x, 0, base + 2 * h + 0.09f}, cw);
 }
 
-void build_bulldozer(Builder& b) {
-    const float w = b.rng.uniform(0.5f, 0.68f), r = b.rng.uniform(0.2f, 0.3f), tw = b.rng.uniform(0.12f, 0.18f);
-    const float len = b.rng.uniform(0.6f, 0.78f), deck = 2 * r + b.rng.uniform(0.02f, 0.12f);
-    for (const float s : {-1.0f, 1.0f}) track(b, s * (w + tw * 0.4f), len, r, tw);
-    bulldozer_body(b, w, deck);
-    bulldozer_cab(b, w, deck);
-    const float reach = len + r + b.rng.uniform(0.25f, 0.5f), lift = b.rng.chance(0.3f) ? b.rng.uniform(0.1f, 0.5f) : 0.02f;
+// A bucket that is open to the front, with teeth, lifted and tipped by its arms.
+void raised_bucket(Builder& b, Vec3 at, float width, float depth, float tip) {
+    const Mat3 r = rotation_y(tip);
+    const float wall = 0.035f, high = depth * b.rng.uniform(0.8f, 1.1f);
+    b.box(kBlade, at + r * Vec3{-depth, 0, 0}, {wall, width, high}, r);
+    b.box(kBlade, at + r * Vec3{0, 0, -high}, {depth, width, wall}, r);
+    b.box(kBlade, at + r * Vec3{-depth * 0.55f, 0, high}, {depth * 0.5f, width, wall}, r);
+    for (const float s : {-1.0f, 1.0f}) {
+        b.box(kBlade, at + r * Vec3{-depth * 0.2f, s * width, -high * 0.3f}, {depth * 0.8f, wall, high * 0.7f}, r);
+    }
+    const int teeth = b.rng.between(0, 6);
+    for (int i = 0; i < teeth; ++i) {
+        const float y = width * (-0.85f + 1.7f * (static_cast<float>(i) + 0.5f) / static_cast<float>(teeth));
+        b.box(kBlade, at + r * Vec3{depth * 1.12f, y, -high}, {depth * 0.16f, width * 0.07f, wall}, r)->shade = 0.85f;
+    }
+}
+
+// Lift arms with a bucket held up in front or over the hood.
+void loader_front(Builder& b, float w, float deck, float len) {
+    const float up = b.rng.uniform(0.6f, 1.7f), reach = len + b.rng.uniform(0.2f, 0.75f),
+                arm = w * b.rng.uniform(0.55f, 0.95f);
+    const Vec3 at{reach, 0, deck + up};
+    raised_bucket(b, at, w * b.rng.uniform(1.1f, 1.6f), b.rng.uniform(0.25f, 0.36f), b.rng.uniform(-0.9f, 0.4f));
+    for (const float s : {-1.0f, 1.0f}) {
+        const Vec3 elbow{0.35f * reach, s * arm, deck + 0.55f * up + 0.25f};
+        b.rod(kLift, {-0.25f, s * arm, deck + 0.25f}, elbow, 0.065f);
+        b.rod(kLift, elbow, at + Vec3{-0.25f, s * arm, -0.05f}, 0.055f);
+        b.rod(kLift, {0.5f, s * arm * 0.6f, deck + 0.2f}, at + Vec3{-0.35f, s * arm * 0.6f, 0.1f}, 0.035f)->shade =
+            1.3f;
+        b.rod(kLift, {0.1f, s * arm, deck + 0.3f}, elbow + Vec3{0.2f, 0, -0.1f}, 0.04f)->shade = 0.6f;
+    }
+}
+
+void blade_front(Builder& b, float w, float deck, float len, float r, float tw) {
+    const float reach = len + r + b.rng.uniform(0.25f, 0.5f),
+                lift = b.rng.chance(0.3f) ? b.rng.uniform(0.1f, 0.5f) : 0.02f;
     const float height = b.rng.uniform(0.24f, 0.4f), width = w + tw + b.rng.uniform(0.05f, 0.2f);
     bulldozer_blade(b, reach, width, height, lift);
     for (const float s : {-1.0f, 1.0f}) {
         const float y = s * (w + tw * 1.5f);
         b.rod(kLift, {-0.1f, y, r * 1.1f}, {reach - 0.05f, y * 0.95f, lift + height * 0.6f}, 0.06f);
-        b.rod(kLift, {0.5f, s * w * 0.5f, deck + 0.3f}, {reach - 0.05f, s * w * 0.5f, lift + height * 1.5f}, 0.045f)->shade = 1.2f;
+        b.rod(kLift, {0.5f, s * w * 0.5f, deck + 0.3f}, {reach - 0.05f, s * w * 0.5f, lift + height * 1.5f}, 0.045f)
+            ->shade = 1.2f;
     }
+}
+
+void build_bulldozer(Builder& b) {
+    const float w = b.rng.uniform(0.42f, 0.68f), r = b.rng.uniform(0.18f, 0.3f), tw = b.rng.uniform(0.1f, 0.18f);
+    const float len = b.rng.uniform(0.6f, 0.85f), deck = 2 * r + b.rng.uniform(0.02f, 0.14f);
+    for (const float s : {-1.0f, 1.0f}) track(b, s * (w + tw * 0.4f), len, r, tw);
+    bulldozer_body(b, w, deck);
+    bulldozer_cab(b, w, deck);
+    if (b.rng.chance(0.4f))
+        loader_front(b, w, deck, len);
+    else
+        blade_front(b, w, deck, len, r, tw);
     if (b.rng.chance(0.4f)) {
         for (const float s : {-1.0f, 1.0f}) b.ball(kLights, {0.88f, s * 0.3f, deck + 0.6f}, 0.07f);
+    }
+    // Loose pieces between the tracks and on the flanks: dark gaps and small details.
+    for (int i = b.rng.between(2, 10); i > 0; --i) {
+        const Vec3 at{b.rng.uniform(-0.8f, 0.8f), b.rng.uniform(-1.0f, 1.0f) * w, deck + b.rng.uniform(-0.05f, 0.4f)};
+        b.box(b.rng.chance(0.5f) ? kEngine : kBody, at,
+              {b.rng.uniform(0.04f, 0.14f), b.rng.uniform(0.03f, 0.1f), b.rng.uniform(0.03f, 0.1f)})
+            ->shade = b.rng.uniform(0.35f, 1.1f);
     }
 }
 
@@ -114,7 +173,8 @@ void build_truck(Builder& b) {
         if (b.rng.chance(0.4f)) b.pattern(0.18f);
     } else {  // open bed
         b.box(kCargo, {-0.38f, 0, high + 0.05f}, {0.72f, w, 0.06f});
-        for (const float s : {-1.0f, 1.0f}) b.box(kCargo, {-0.38f, s * w, high + bed * 0.5f}, {0.72f, 0.04f, bed * 0.5f});
+        for (const float s : {-1.0f, 1.0f})
+            b.box(kCargo, {-0.38f, s * w, high + bed * 0.5f}, {0.72f, 0.04f, bed * 0.5f});
         b.box(kCargo, {-1.08f, 0, high + bed * 0.5f}, {0.04f, w, bed * 0.5f});
         b.box(kCargo, {0.33f, 0, high + bed * 0.6f}, {0.04f, w, bed * 0.6f});
     }
@@ -139,7 +199,8 @@ void build_car(Builder& b) {
     b.wedge(kWindows, {x - 0.52f, 0, low + cabin * 0.8f}, {0.14f, w * 0.8f, cabin * 0.8f}, rotation_z(kPi));
     b.box(kRoof, {x, 0, low + cabin * 1.85f}, {0.42f, w * 0.9f, 0.045f});
     for (const float s : {-1.0f, 1.0f}) {
-        for (const float px : {-0.4f, 0.02f, 0.4f}) b.box(kBody, {x + px, s * w * 0.87f, low + cabin * 0.9f}, {0.035f, 0.02f, cabin * 0.9f});
+        for (const float px : {-0.4f, 0.02f, 0.4f})
+            b.box(kBody, {x + px, s * w * 0.87f, low + cabin * 0.9f}, {0.035f, 0.02f, cabin * 0.9f});
         b.ball(kLights, {1.08f, s * w * 0.65f, floor + h * 1.2f}, 0.075f);
         b.wheel(kWheels, {0.6f, s * w, r}, r, 0.09f);
         b.wheel(kWheels, {-0.6f, s * w, r}, r, 0.09f);
@@ -169,7 +230,8 @@ void build_boat(Builder& b) {
     } else {
         b.box(kCab, {-0.35f, 0, 2 * h + 0.22f}, {0.32f, w * 0.65f, 0.22f});
         for (const float s : {-1.0f, 1.0f}) {
-            for (const float px : {-0.15f, 0.15f}) b.box(kWindows, {-0.35f + px, s * w * 0.65f, 2 * h + 0.25f}, {0.08f, 0.02f, 0.08f});
+            for (const float px : {-0.15f, 0.15f})
+                b.box(kWindows, {-0.35f + px, s * w * 0.65f, 2 * h + 0.25f}, {0.08f, 0.02f, 0.08f});
         }
         b.rod(kChimney, {-0.4f, 0, 2 * h + 0.4f}, {-0.4f, 0, 2 * h + 0.85f}, 0.13f);
     }
@@ -183,9 +245,11 @@ void build_plane(Builder& b) {
     b.ball(kBody, {0.6f, 0, z}, {0.35f, r, r});
     b.rod(kBody, {-0.65f, 0, z}, {-1.1f, 0, z + r * 0.4f}, r, r * 0.3f);
     for (const float s : {-1.0f, 1.0f}) {
-        b.box(kWings, {0.12f - sweep * span * 0.4f, s * span * 0.5f, z - 0.04f}, {chord, span * 0.54f, 0.03f}, rotation_z(s * sweep));
+        b.box(kWings, {0.12f - sweep * span * 0.4f, s * span * 0.5f, z - 0.04f}, {chord, span * 0.54f, 0.03f},
+              rotation_z(s * sweep));
         b.box(kTail, {-1.0f, s * 0.22f, z + 0.08f}, {0.11f, 0.24f, 0.025f});
-        if (sweep > 0.2f) b.rod(kEngine, {0.0f, s * span * 0.42f, z - 0.13f}, {0.3f, s * span * 0.42f, z - 0.13f}, 0.085f);
+        if (sweep > 0.2f)
+            b.rod(kEngine, {0.0f, s * span * 0.42f, z - 0.13f}, {0.3f, s * span * 0.42f, z - 0.13f}, 0.085f);
     }
     b.box(kTail, {-1.02f, 0, z + 0.28f}, {0.12f, 0.025f, 0.24f}, rotation_y(0.3f));
     b.ball(kWindows, {0.52f, 0, z + r * 0.65f}, {0.2f, r * 0.65f, r * 0.6f});
@@ -237,7 +301,8 @@ void build_train(Builder& b) {
     b.dome(kBody, {0.15f, 0, z + boiler * 1.9f}, {0.13f, 0.13f, 0.14f});
     b.wedge(kBumper, {1.1f, 0, r * 0.9f}, {0.14f, w * 0.95f, r * 0.8f});
     for (const float s : {-1.0f, 1.0f}) {
-        for (const float x : {-0.7f, -0.15f, 0.25f, 0.65f}) b.wheel(kWheels, {x, s * w * 0.95f, r}, x < -0.5f ? r * 1.2f : r, 0.06f);
+        for (const float x : {-0.7f, -0.15f, 0.25f, 0.65f})
+            b.wheel(kWheels, {x, s * w * 0.95f, r}, x < -0.5f ? r * 1.2f : r, 0.06f);
     }
     b.anchor({-0.65f, 0, z + 2 * h + 0.09f}, w);
 }
@@ -249,21 +314,91 @@ std::vector<ShapeInfo> vehicle_shapes() {
     const uint32_t pane = bit(kBlack) | bit(kBlue) | bit(kWhite) | bit(kGrey);
     const PartRule wheels{kWheels, .85f, dark, true}, windows{kWindows, .9f, pane, true};
     return {
-        {"bulldozer", "bulldozers", {"digger"}, {{kTracks, .85f, dark, true}, {kBlade, .5f, dark | bit(kYellow) | bit(kRed), true},
-            {kCab, .12f, 0, false}, {kRoof, .2f, 0, false}, windows, {kSeat, .8f, dark | bit(kRed), false}, {kEngine, .5f, dark, false}, {kLift, .45f, dark, false},
-            {kExhaust, .7f, dark, false}, {kLights, .8f, bit(kWhite) | bit(kYellow) | bit(kRed), false}}, build_bulldozer, false, true, bit(kYellow) | bit(kOrange), 2.0f},
-        {"truck", "trucks", {"lorry"}, {wheels, {kCargo, .45f, 0, true}, {kCab, .08f, 0, false}, windows, {kBumper, .6f, dark, false},
-            {kLights, .8f, bit(kWhite) | bit(kYellow), false}}, build_truck, false, true, bit(kRed) | bit(kYellow) | bit(kBlue)},
-        {"car", "cars", {}, {wheels, {kRoof, .12f, 0, true}, {kWindows, .95f, bit(kBlack) | bit(kBlue), false}, {kBumper, .6f, dark, false},
-            {kLights, .9f, bit(kWhite) | bit(kYellow), false}}, build_car},
-        {"boat", "boats", {"ship"}, {{kSail, .8f, bit(kWhite) | bit(kRed) | bit(kYellow), true}, {kHull, .05f, 0, false}, {kMast, .7f, bit(kBrown) | bit(kBlack) | bit(kWhite), true},
-            {kCab, .7f, bit(kWhite) | bit(kRed), true}, {kChimney, .7f, bit(kBlack) | bit(kRed) | bit(kYellow), false}, {kBody, .5f, bit(kBrown), false}, windows}, build_boat},
-        {"plane", "planes", {"airplane", "aeroplane"}, {{kWings, .2f, 0, true}, {kTail, .3f, 0, true}, {kPropeller, .8f, dark | bit(kBrown), true}, {kEngine, .5f, dark, true},
-            {kWindows, .9f, bit(kBlack) | bit(kBlue), false}, {kWheels, .9f, bit(kBlack), true}}, build_plane, false, false},
-        {"rocket", "rockets", {"spaceship"}, {{kFins, .65f, bit(kRed) | bit(kBlue) | bit(kBlack) | bit(kOrange), true}, {kNose, .6f, bit(kRed) | bit(kBlue) | bit(kBlack) | bit(kOrange), false},
-            {kWindows, .9f, bit(kBlue) | bit(kBlack), true}, {kEngine, .8f, dark, false}}, build_rocket, false, false, bit(kWhite) | bit(kRed) | bit(kGrey)},
-        {"train", "trains", {"locomotive"}, {wheels, {kCab, .3f, 0, false}, {kEngine, .25f, bit(kBlack) | bit(kGreen) | bit(kRed), false}, {kChimney, .6f, dark | bit(kRed), true},
-            {kRoof, .5f, dark | bit(kRed), false}, {kWindows, .7f, pane, true}, {kBumper, .6f, dark | bit(kRed), false}}, build_train},
+        {"bulldozer",
+         "bulldozers",
+         {"digger"},
+         {{kTracks, .85f, dark, true},
+          {kBlade, .5f, dark | bit(kYellow) | bit(kRed), true},
+          {kCab, .12f, 0, false},
+          {kRoof, .2f, 0, false},
+          windows,
+          {kSeat, .8f, dark | bit(kRed), false},
+          {kEngine, .5f, dark, false},
+          {kLift, .45f, dark, false},
+          {kExhaust, .7f, dark, false},
+          {kLights, .8f, bit(kWhite) | bit(kYellow) | bit(kRed), false}},
+         build_bulldozer,
+         false,
+         true,
+         bit(kYellow) | bit(kOrange),
+         2.0f},
+        {"truck",
+         "trucks",
+         {"lorry"},
+         {wheels,
+          {kCargo, .45f, 0, true},
+          {kCab, .08f, 0, false},
+          windows,
+          {kBumper, .6f, dark, false},
+          {kLights, .8f, bit(kWhite) | bit(kYellow), false}},
+         build_truck,
+         false,
+         true,
+         bit(kRed) | bit(kYellow) | bit(kBlue)},
+        {"car",
+         "cars",
+         {},
+         {wheels,
+          {kRoof, .12f, 0, true},
+          {kWindows, .95f, bit(kBlack) | bit(kBlue), false},
+          {kBumper, .6f, dark, false},
+          {kLights, .9f, bit(kWhite) | bit(kYellow), false}},
+         build_car},
+        {"boat",
+         "boats",
+         {"ship"},
+         {{kSail, .8f, bit(kWhite) | bit(kRed) | bit(kYellow), true},
+          {kHull, .05f, 0, false},
+          {kMast, .7f, bit(kBrown) | bit(kBlack) | bit(kWhite), true},
+          {kCab, .7f, bit(kWhite) | bit(kRed), true},
+          {kChimney, .7f, bit(kBlack) | bit(kRed) | bit(kYellow), false},
+          {kBody, .5f, bit(kBrown), false},
+          windows},
+         build_boat},
+        {"plane",
+         "planes",
+         {"airplane", "aeroplane"},
+         {{kWings, .2f, 0, true},
+          {kTail, .3f, 0, true},
+          {kPropeller, .8f, dark | bit(kBrown), true},
+          {kEngine, .5f, dark, true},
+          {kWindows, .9f, bit(kBlack) | bit(kBlue), false},
+          {kWheels, .9f, bit(kBlack), true}},
+         build_plane,
+         false,
+         false},
+        {"rocket",
+         "rockets",
+         {"spaceship"},
+         {{kFins, .65f, bit(kRed) | bit(kBlue) | bit(kBlack) | bit(kOrange), true},
+          {kNose, .6f, bit(kRed) | bit(kBlue) | bit(kBlack) | bit(kOrange), false},
+          {kWindows, .9f, bit(kBlue) | bit(kBlack), true},
+          {kEngine, .8f, dark, false}},
+         build_rocket,
+         false,
+         false,
+         bit(kWhite) | bit(kRed) | bit(kGrey)},
+        {"train",
+         "trains",
+         {"locomotive"},
+         {wheels,
+          {kCab, .3f, 0, false},
+          {kEngine, .25f, bit(kBlack) | bit(kGreen) | bit(kRed), false},
+          {kChimney, .6f, dark | bit(kRed), true},
+          {kRoof, .5f, dark | bit(kRed), false},
+          {kWindows, .7f, pane, true},
+          {kBumper, .6f, dark | bit(kRed), false}},
+         build_train},
     };
 }
 

@@ -10,7 +10,9 @@ namespace {
 
 using Json = nlohmann::ordered_json;
 
-Json colour_json(int colour) { return colour < 0 ? Json(nullptr) : Json(std::string(colour_name(colour))); }
+Json colour_json(int colour) {
+    return colour < 0 ? Json(nullptr) : Json(std::string(colour_name(colour)));
+}
 
 Json object_json(const ObjectSpec& o) {
     static const char* const kRoles[] = {"main", "copy", "second", "addition", "clutter"};
@@ -36,7 +38,7 @@ Json object_json(const ObjectSpec& o) {
 
 std::string to_json(const SceneSpec& spec) {
     static const char* const kKinds[] = {"none", "plate", "disc", "plane"};
-    static const char* const kStuffs[] = {"colour", "wood", "marble", "brick", "grass", "snow", "checkered"};
+    static const char* const kStuffs[] = {"colour", "wood", "marble", "brick", "grass", "snow", "checkered", "beige"};
     static const char* const kBackdrops[] = {"white", "colour", "gradient", "noise"};
     Json json = {{"objects", Json::array()}};
     for (const ObjectSpec& o : spec.objects) json["objects"].push_back(object_json(o));
@@ -48,7 +50,9 @@ std::string to_json(const SceneSpec& spec) {
         json["ground"]["size"] = spec.ground.size;
         json["ground"]["seed"] = spec.ground.seed;
     }
-    json["backdrop"] = {{"kind", kBackdrops[static_cast<int>(spec.backdrop.kind)]}, {"colour", colour_json(spec.backdrop.colour)}, {"seed", spec.backdrop.seed}};
+    json["backdrop"] = {{"kind", kBackdrops[static_cast<int>(spec.backdrop.kind)]},
+                        {"colour", colour_json(spec.backdrop.colour)},
+                        {"seed", spec.backdrop.seed}};
     json["view_seed"] = spec.view_seed;
     return json.dump();
 }

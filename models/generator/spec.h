@@ -34,15 +34,15 @@ struct ObjectSpec {
 };
 
 enum class GroundKind : uint8_t { kNone, kPlate, kDisc, kPlane };
-enum class GroundStuff : uint8_t { kColour, kWood, kMarble, kBrick, kGrass, kSnow, kChecker };
-constexpr int kGroundStuffs = 7;
+enum class GroundStuff : uint8_t { kColour, kWood, kMarble, kBrick, kGrass, kSnow, kChecker, kBeige };
+constexpr int kGroundStuffs = 8;
 
 struct GroundSpec {
     GroundKind kind = GroundKind::kNone;
     GroundStuff stuff = GroundStuff::kColour;
     int colour = -1;
-    float size = 1.5f;
-    bool studs = false;
+    float size = 1.5f, aspect = 1.0f;
+    bool studs = false, rim = false;
     uint64_t seed = 0;
 };
 

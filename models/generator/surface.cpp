@@ -15,7 +15,9 @@ Uv face_coordinates(Vec3 q, Vec3 n) {
     return {q.x, q.z};
 }
 
-float fraction(float x) { return x - std::floor(x); }
+float fraction(float x) {
+    return x - std::floor(x);
+}
 
 void paint_plain(const Paint& p, Vec3 q, Surface& s) {
     s.albedo = p.base * (0.94f + 0.12f * noise(q * 3.0f + p.offset));
@@ -37,13 +39,13 @@ void paint_wood(const Paint& p, Vec3 q, Surface& s) {
 }
 
 void paint_marble(const Paint& p, Vec3 q, Surface& s) {
-    const Vec3 w = q * (1.5f * p.scale) + p.offset;
+    const Vec3 w = q * (0.95f * p.scale) + p.offset;
     const float turbulence = noise2(w * 1.3f) + 0.5f * noise(w * 3.1f);
     const float vein = std::fabs(sine(3.0f * (w.x + w.y * 0.6f + w.z * 0.8f) + 7.0f * turbulence));
-    const float thin = 1.0f - smoothstep(0.0f, 0.32f, vein);
+    const float thin = 1.0f - smoothstep(0.0f, 0.4f, vein);
     const float cloud = noise(w * 2.0f + Vec3{9, 9, 9});
     s.albedo = mix(Vec3{0.88f, 0.86f, 0.84f}, Vec3{0.55f, 0.55f, 0.58f}, cloud * 0.5f);
-    s.albedo = mix(s.albedo, {0.09f, 0.09f, 0.11f}, thin * 0.9f);
+    s.albedo = mix(s.albedo, {0.07f, 0.07f, 0.09f}, thin * 0.9f);
     s.specular = 0.06f;
     s.sharpness = 6;
 }
@@ -136,15 +138,34 @@ Surface surface_at(const Paint& p, Vec3 q, Vec3 n) {
             s.albedo = {0.90f, 0.91f, 0.93f};
             s.metal = 1.0f;
             break;
-        case kWood: paint_wood(p, q, s); break;
-        case kMarble: paint_marble(p, q, s); break;
-        case kBrick: paint_brick(p, q, n, s); break;
-        case kRusty: paint_rusty(p, q, s); break;
-        case kMossy: paint_mossy(p, q, n, s); break;
-        case kSnow: paint_snow(p, q, n, s); break;
-        case kBurning: paint_burning(p, q, s); break;
-        case kStriped: case kDotted: paint_pattern(p, q, n, s); break;
-        default: paint_plain(p, q, s); break;
+        case kWood:
+            paint_wood(p, q, s);
+            break;
+        case kMarble:
+            paint_marble(p, q, s);
+            break;
+        case kBrick:
+            paint_brick(p, q, n, s);
+            break;
+        case kRusty:
+            paint_rusty(p, q, s);
+            break;
+        case kMossy:
+            paint_mossy(p, q, n, s);
+            break;
+        case kSnow:
+            paint_snow(p, q, n, s);
+            break;
+        case kBurning:
+            paint_burning(p, q, s);
+            break;
+        case kStriped:
+        case kDotted:
+            paint_pattern(p, q, n, s);
+            break;
+        default:
+            paint_plain(p, q, s);
+            break;
     }
     return s;
 }

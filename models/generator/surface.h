@@ -9,11 +9,11 @@ namespace fieldgraft::generator {
 struct Surface {
     Vec3 albedo{0.5f, 0.5f, 0.5f};
     Vec3 emission;
-    Vec3 bump;             // added to the normal, in the object's frame
+    Vec3 bump;               // added to the normal, in the object's frame
     float specular = 0.04f;  // reflectance at normal incidence
-    int sharpness = 4;     // highlight exponent 2^sharpness
+    int sharpness = 4;       // highlight exponent 2^sharpness
     float metal = 0.0f;
-    float snow = 0.0f;     // 1 where there is snow
+    float snow = 0.0f;  // 1 where there is snow
 };
 
 // q: point, n: unit normal, both in the object's frame (z up there, too).

@@ -7,11 +7,11 @@
 namespace fieldgraft::generator {
 namespace {
 
-constexpr std::array<std::string_view, kColours> kColourNames = {
-    "red", "orange", "yellow", "green", "blue", "purple", "pink", "brown", "black", "white", "grey"};
+constexpr std::array<std::string_view, kColours> kColourNames = {"red",  "orange", "yellow", "green", "blue", "purple",
+                                                                 "pink", "brown",  "black",  "white", "grey"};
 constexpr std::array<std::string_view, kMaterials> kMaterialNames = {
-    "plain", "gold", "silver", "glass", "wood", "marble", "brick", "rusty", "mossy", "snow-covered", "burning",
-    "striped", "polka-dotted"};
+    "plain", "gold",  "silver",       "glass",   "wood",    "marble",      "brick",
+    "rusty", "mossy", "snow-covered", "burning", "striped", "polka-dotted"};
 constexpr std::array<std::string_view, kParts> kPartNames = {
 #define FIELDGRAFT_PART(name, text) text,
     FIELDGRAFT_PARTS(FIELDGRAFT_PART)
@@ -53,8 +53,8 @@ constexpr std::array<HsvRange, kColours> kRanges = {{
     {264, 290, .48f, .9f, .42f, .80f},
     {318, 348, .32f, .62f, .88f, 1},
     {17, 31, .50f, .80f, .30f, .48f},
-    {0, 360, .0f, .20f, .03f, .13f},
-    {0, 360, .0f, .05f, .90f, .99f},
+    {0, 360, .0f, .20f, .05f, .16f},
+    {0, 360, .0f, .05f, .90f, .98f},
     {0, 360, .0f, .07f, .38f, .64f},
 }};
 
@@ -80,9 +80,37 @@ uint64_t combination(std::string_view kind, int a, int b, int c) {
 
 }  // namespace
 
-std::string_view colour_name(int colour) { return kColourNames.at(static_cast<size_t>(colour)); }
-std::string_view material_name(int material) { return kMaterialNames.at(static_cast<size_t>(material)); }
-std::string_view part_name(int part) { return kPartNames.at(static_cast<size_t>(part)); }
+std::string_view colour_name(int colour) {
+    return kColourNames.at(static_cast<size_t>(colour));
+}
+std::string_view material_name(int material) {
+    return kMaterialNames.at(static_cast<size_t>(material));
+}
+std::string_view part_name(int part) {
+    return kPartNames.at(static_cast<size_t>(part));
+}
+
+std::string_view part_word(int part, Rng& rng) {
+    const bool other = rng.chance(0.25f);
+    const int pick = rng.below(2);
+    if (!other) return part_name(part);
+    switch (part) {
+        case kBlade:
+            return pick ? "bucket" : "shovel";
+        case kCab:
+            return "cabin";
+        case kTracks:
+            return "treads";
+        case kMuzzle:
+            return "snout";
+        case kLights:
+            return "lights";
+        case kBack:
+            return "backrest";
+        default:
+            return part_name(part);
+    }
+}
 
 bool part_is_plural(int part) {
     const std::string_view name = part_name(part);
@@ -91,9 +119,17 @@ bool part_is_plural(int part) {
 
 bool takes_colour(int material) {
     switch (material) {
-        case kPlain: case kGlass: case kRusty: case kMossy: case kSnow: case kBurning: case kStriped: case kDotted:
+        case kPlain:
+        case kGlass:
+        case kRusty:
+        case kMossy:
+        case kSnow:
+        case kBurning:
+        case kStriped:
+        case kDotted:
             return true;
-        default: return false;
+        default:
+            return false;
     }
 }
 

@@ -14,7 +14,20 @@ namespace fieldgraft::generator {
 
 enum Colour : int { kRed, kOrange, kYellow, kGreen, kBlue, kPurple, kPink, kBrown, kBlack, kWhite, kGrey, kColours };
 enum Material : int {
-    kPlain, kGold, kSilver, kGlass, kWood, kMarble, kBrick, kRusty, kMossy, kSnow, kBurning, kStriped, kDotted, kMaterials
+    kPlain,
+    kGold,
+    kSilver,
+    kGlass,
+    kWood,
+    kMarble,
+    kBrick,
+    kRusty,
+    kMossy,
+    kSnow,
+    kBurning,
+    kStriped,
+    kDotted,
+    kMaterials
 };
 
 // clang-format off
@@ -43,6 +56,8 @@ enum Part : int {
 std::string_view colour_name(int colour);
 std::string_view material_name(int material);  // "gold", "snow-covered", …; "plain" for 0
 std::string_view part_name(int part);
+// Another word for a part ("bucket" for the blade) some of the time, else its name.
+std::string_view part_word(int part, Rng& rng);
 bool part_is_plural(int part);
 bool takes_colour(int material);
 

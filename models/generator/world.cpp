@@ -5,7 +5,9 @@
 namespace fieldgraft::generator {
 namespace {
 
-Vec3 linear(Vec3 encoded) { return encoded * encoded; }
+Vec3 linear(Vec3 encoded) {
+    return encoded * encoded;
+}
 
 Paint make_paint(int material, int colour, int colour2, int lightness, Rng rng) {
     Paint p;
@@ -25,7 +27,9 @@ Paint make_paint(int material, int colour, int colour2, int lightness, Rng rng) 
     return p;
 }
 
-Mat3 object_rotation(const ObjectSpec& o) { return rotation_z(o.yaw) * rotation_x(o.tilt); }
+Mat3 object_rotation(const ObjectSpec& o) {
+    return rotation_z(o.yaw) * rotation_x(o.tilt);
+}
 
 void add_flames(World& world, const std::vector<Primitive>& body, int16_t object, int16_t paint, float size, Rng rng) {
     const int count = rng.between(12, 22);
@@ -74,7 +78,8 @@ void add_object(World& world, const ObjectSpec& spec) {
         part_paint[static_cast<size_t>(p.part)] = static_cast<int16_t>(world.paints.size());
         // Rust, moss, snow and fire cover the parts too; all else gives way to plain paint.
         const bool cover = spec.material >= kRusty && spec.material <= kBurning;
-        Paint paint = make_paint(cover ? spec.material : kPlain, p.colour, -1, 0, paint_rng.fork(100 + static_cast<uint64_t>(p.part)));
+        Paint paint = make_paint(cover ? spec.material : kPlain, p.colour, -1, 0,
+                                 paint_rng.fork(100 + static_cast<uint64_t>(p.part)));
         paint.amount = world.paints[static_cast<size_t>(main_paint)].amount;
         world.paints.push_back(paint);
     }
@@ -97,6 +102,36 @@ void add_object(World& world, const ObjectSpec& spec) {
     }
 }
 
+// Planks and blocks of uneven length along the edges of a plate, in a darker tone or in brown.
+void add_rim(World& world, const GroundSpec& ground, const Primitive& plate) {
+    Rng rng = Rng(ground.seed).fork(22);
+    Paint paint = world.paints[static_cast<size_t>(plate.paint)];
+    if (rng.chance(0.6f)) {
+        Rng tint = rng.fork(1);
+        paint.base = linear(sample_colour(kBrown, 0, tint));
+        paint.material = kPlain;
+    }
+    const auto index = static_cast<int16_t>(world.paints.size());
+    world.paints.push_back(paint);
+    for (int side = 0; side < 4; ++side) {
+        const float along = side < 2 ? plate.half.x : plate.half.y, across = side < 2 ? plate.half.y : plate.half.x;
+        for (float at = -along; at < along;) {
+            const float length = rng.uniform(0.15f, 0.5f), width = rng.uniform(0.05f, 0.16f),
+                        step = std::min(length, along - at);
+            Primitive block = plate;
+            block.solid = Solid::kBox;
+            block.paint = index;
+            block.pattern = 0.0f;
+            block.shade = rng.uniform(0.55f, 1.0f);
+            const float u = at + 0.5f * step, v = (side & 1 ? 1.0f : -1.0f) * (across - 0.4f * width);
+            block.centre = side < 2 ? Vec3{u, v, -0.03f} : Vec3{v, u, -0.03f};
+            block.half = side < 2 ? Vec3{0.5f * step, width, 0.06f} : Vec3{width, 0.5f * step, 0.06f};
+            world.primitives.push_back(block);
+            at += length;
+        }
+    }
+}
+
 void add_ground(World& world, const GroundSpec& ground) {
     if (ground.kind == GroundKind::kNone) return;
     WorldObject object;
@@ -113,20 +148,24 @@ void add_ground(World& world, const GroundSpec& ground) {
     } else {
         p.solid = ground.kind == GroundKind::kPlate ? Solid::kBox : Solid::kFrustum;
         p.centre = {0, 0, -thick};
-        p.half = {ground.size, ground.size, thick};
+        p.half = {ground.size, ground.size * ground.aspect, thick};
         if (ground.studs) p.pattern = 0.11f;
     }
     world.objects.push_back(object);
-    Paint paint = make_paint(kPlain, ground.stuff == GroundStuff::kColour ? ground.colour : -1, -1, 0, Rng(ground.seed).fork(21));
+    Paint paint =
+        make_paint(kPlain, ground.stuff == GroundStuff::kColour ? ground.colour : -1, -1, 0, Rng(ground.seed).fork(21));
     paint.ground_stuff = true;
-    constexpr int kStuffs[kGroundStuffs] = {kPlain, kWood, kMarble, kBrick, kMossy, kSnow, kStriped};
+    constexpr int kStuffs[kGroundStuffs] = {kPlain, kWood, kMarble, kBrick, kMossy, kSnow, kStriped, kPlain};
     paint.material = kStuffs[static_cast<int>(ground.stuff)];
     if (ground.stuff == GroundStuff::kChecker) {
         paint.base = {0.8f, 0.8f, 0.8f};
         paint.second = {0.03f, 0.03f, 0.04f};
     }
+    if (ground.stuff == GroundStuff::kBeige)
+        paint.base = linear(mix(Vec3{0.86f, 0.76f, 0.56f}, {0.74f, 0.63f, 0.45f}, paint.amount));
     world.paints.push_back(paint);
     world.primitives.push_back(p);
+    if (ground.kind == GroundKind::kPlate && ground.rim) add_rim(world, ground, p);
 }
 
 }  // namespace
@@ -165,7 +204,8 @@ View make_view(uint64_t seed, const Settings& s, Vec3 low, Vec3 high) {
     const Vec3 centre = (low + high) * 0.5f;
     const float radius = 0.5f * length(high - low) * 0.82f;
     const float azimuth = rng.uniform(0, 2 * kPi);
-    const float elevation = (kPi / 180.0f) * rng.uniform(s.elevation_min, s.elevation_max);
+    const float u = rng.uniform();  // low and middle heights are more frequent
+    const float elevation = (kPi / 180.0f) * mix(s.elevation_min, s.elevation_max, u * (0.6f + 0.4f * u));
     const Vec3 back{cosine(elevation) * cosine(azimuth), cosine(elevation) * sine(azimuth), sine(elevation)};
     const float half_fov = (kPi / 360.0f) * rng.uniform(s.fov_min, s.fov_max);
     v.tangent = sine(half_fov) / cosine(half_fov);
@@ -180,23 +220,24 @@ View make_view(uint64_t seed, const Settings& s, Vec3 low, Vec3 high) {
     const Vec3 right = v.axes.a * cosine(roll) + v.axes.b * sine(roll);
     v.axes.b = v.axes.b * cosine(roll) - v.axes.a * sine(roll);
     v.axes.a = right;
-    const float room = close ? 0.45f : std::max(0.0f, 0.9f - fill);
+    const float room = close ? 0.45f : std::max(0.0f, 0.95f - 0.85f * fill);
     v.shift_x = room * rng.uniform(-1, 1);
     v.shift_y = room * rng.uniform(-1, 1);
 
     const float key_azimuth = azimuth + 1.25f * rng.bell(), key_height = rng.uniform(0.45f, 1.4f);
-    v.key_direction = {cosine(key_height) * cosine(key_azimuth), cosine(key_height) * sine(key_azimuth), sine(key_height)};
+    v.key_direction = {cosine(key_height) * cosine(key_azimuth), cosine(key_height) * sine(key_azimuth),
+                       sine(key_height)};
     const float warm = 0.08f * rng.bell(), strength = rng.uniform(0.35f, 0.85f);
     v.key = Vec3{1 + warm, 1, 1 - warm} * strength;
     const float fill_azimuth = rng.uniform(0, 2 * kPi);
     v.fill_direction = normalized({cosine(fill_azimuth), sine(fill_azimuth), 0.4f});
     v.fill = Vec3{1, 1, 1} * rng.uniform(0.05f, 0.3f);
-    v.ambient = Vec3{1 - warm * 0.5f, 1, 1 + warm * 0.5f} * (rng.uniform(0.95f, 1.15f) - strength * 0.75f);
+    v.ambient = Vec3{1 - warm * 0.5f, 1, 1 + warm * 0.5f} * (rng.uniform(0.85f, 1.02f) - strength * 0.75f);
     const float sky = rng.uniform(0.45f, 1.0f);
     v.sky = {sky * rng.uniform(0.85f, 1.0f), sky * rng.uniform(0.92f, 1.0f), sky};
-    v.horizon = Vec3{1, 1, 1} * rng.uniform(0.05f, 0.3f);
+    v.horizon = Vec3{1, 1, 1} * rng.uniform(0.02f, 0.14f);
     v.shadows = rng.chance(s.shadows);
-    v.exposure = rng.uniform(0.85f, 1.15f);
+    v.exposure = rng.uniform(0.82f, 1.06f);
     v.blur = rng.chance(s.blurred) ? rng.uniform(0.3f, 1.0f) : 0.0f;
     v.grain = rng.chance(s.grainy) ? rng.uniform(0.004f, 0.035f) : 0.0f;
     v.grain_seed = rng.next();

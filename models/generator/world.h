@@ -15,14 +15,14 @@ namespace fieldgraft::generator {
 
 struct Paint {
     int material = 0;
-    int colour = -1;      // the word, −1 where the material brings its own
+    int colour = -1;  // the word, −1 where the material brings its own
     bool ground_stuff = false;
     Vec3 base{0.5f, 0.5f, 0.5f}, second{1, 1, 1};
     float scale = 4.0f;   // texture periods per object unit
     float amount = 0.5f;  // cover of rust, moss, snow, fire
     float gloss = 0.3f;
-    int axis = 2;         // of stripes and grain
-    Vec3 offset;          // into the noise
+    int axis = 2;  // of stripes and grain
+    Vec3 offset;   // into the noise
 };
 
 struct WorldObject {
