@@ -1,5 +1,6 @@
 """The C++ towers and segmenters against transformers and PyTorch, with the same random weights."""
 
+import importlib
 import json
 from pathlib import Path
 
@@ -27,6 +28,8 @@ from guidance_references import (  # noqa: E402
     tiny_vision,
     to_pixels,
 )
+
+ROOT = Path(__file__).resolve().parents[2]
 
 
 @pytest.mark.parametrize("activation", ["quick_gelu", "gelu"])
@@ -88,13 +91,13 @@ def test_clip_resizes_as_pillow_does(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("refined", [False, True])
-@pytest.mark.parametrize("size", [32, 56])
+@pytest.mark.parametrize("size", [64, 112])
 def test_clipseg_matches_transformers(tmp_path: Path, refined: bool, size: int) -> None:
     """At the model's own size and at another one (interpolated position embedding)."""
     vocabulary = small_vocabulary(tmp_path)
     config = transformers.CLIPSegConfig(
         text_config=tiny_text(vocabulary),
-        vision_config=tiny_vision(),
+        vision_config=tiny_vision(image_size=64, patch_size=16),
         projection_dim=24,
         extract_layers=[0, 1, 3],
         reduce_dim=16,
@@ -152,6 +155,33 @@ def test_built_in_layout_matches_pytorch(tmp_path: Path, stem_pool: bool, condit
         assert_close(guide.encode_text(TEXTS), text)
         assert_close(guide.encode_image(images), reference.embed(pixels))
         assert_close(guide.segment(images, TEXTS), reference.segment(pixels, text))
+
+
+@pytest.mark.parametrize("stages", [(0, 2, 3, 4), (1, 2, 3, 4)])
+def test_the_training_networks_are_the_same(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, stages: tuple) -> None:
+    """The folder that models/train.py writes: its own networks, vocabulary and float16 file against the C++ room."""
+    monkeypatch.syspath_prepend(str(ROOT / "models"))
+    network, folder, tokenizer = (importlib.import_module(name) for name in ("network", "folder", "tokenizer"))
+    texts = ["red ball", "a photo of a striped chair without back", "ball", "snow on a house; don't"]
+    words = tokenizer.CaptionTokenizer.train(texts * 3, network.CONTEXT_LENGTH)
+    size = len(words.vocab)
+    model = network.Guidance(network.default_config(width=8, text_width=64, dim=32, stages=stages, vocab_size=size))
+    randomise(model)
+    with torch.no_grad():
+        for name, buffer in model.named_buffers():
+            if "running" in name:
+                buffer.copy_(0.5 + torch.rand_like(buffer))
+    folder.save_folder(tmp_path, model.config, model.state_dict(), words)
+    model, words = folder.load_folder(tmp_path)
+    guide = fieldgraft.Guidance.load(tmp_path)
+    images = random_images(len(texts), 64)
+    pixels = torch.from_numpy(images).permute(0, 3, 1, 2)
+    with torch.no_grad():
+        text = model.encode_text(words(texts))
+        assert_close(guide.encode_text(texts), text)
+        assert_close(guide.encode_image(images), model.encode_image(pixels))
+        assert_close(guide.segment(images, texts), model.segment(pixels, network.unit(text)))
+    assert guide.unknown_words("a striped Dragon, don't") == ["dragon"]
 
 
 def test_python_interface(tmp_path: Path) -> None:
