@@ -43,6 +43,18 @@ Mat4 mixed_pose(const Mat4& a, const Mat4& b, double t) {
     return from_columns(right, cross(back, right), back, mix(3));
 }
 
+// The widest sector around `up` that no camera looks into, radians.
+double widest_azimuth_gap(const std::vector<Camera>& cameras, const Vec3& up) {
+    const Vec3 side = any_normal(up), ahead = cross(up, side);
+    std::vector<double> angles;
+    for (const Camera& camera : cameras)
+        angles.push_back(std::atan2(dot(camera.forward(), ahead), dot(camera.forward(), side)));
+    std::sort(angles.begin(), angles.end());
+    double gap = angles.front() + 2 * pi - angles.back();
+    for (std::size_t i = 1; i < angles.size(); ++i) gap = std::max(gap, angles[i] - angles[i - 1]);
+    return gap;
+}
+
 void check(const HemisphereOptions& o) {
     if (!(o.radius_min > 0) || !(o.radius_max >= o.radius_min) || !std::isfinite(o.radius_max))
         throw std::invalid_argument(
@@ -105,11 +117,18 @@ Camera sample_near_poses(const std::vector<Camera>& cameras, const NearPoseOptio
 
 bool is_forward_facing(const std::vector<Camera>& cameras) {
     if (cameras.empty()) return false;
-    Vec3 mean{0, 0, 0};
-    for (const Camera& camera : cameras) mean = mean + camera.forward();
+    Vec3 mean{0, 0, 0}, up{0, 0, 0};
+    for (const Camera& camera : cameras) {
+        mean = mean + camera.forward();
+        up = up + column(camera.camera_to_world, 1);
+    }
     if (length(mean) < 1e-9) return false;
     mean = normalized(mean);
-    return std::all_of(cameras.begin(), cameras.end(), [&](const Camera& c) { return dot(c.forward(), mean) > 0.5; });
+    double narrowest = 1;
+    for (const Camera& camera : cameras) narrowest = std::min(narrowest, dot(camera.forward(), mean));
+    if (narrowest <= 0.5) return false;
+    if (narrowest > std::cos(pi / 6) || length(up) < 1e-9) return true;
+    return widest_azimuth_gap(cameras, normalized(up)) >= pi;
 }
 
 Vec3 focus_point(const std::vector<Camera>& cameras) {

@@ -33,7 +33,9 @@ struct NearPoseOptions {
 // At least one camera; with exactly one only the angle is jittered.
 Camera sample_near_poses(const std::vector<Camera>& cameras, const NearPoseOptions& options, Random& random);
 
-// All cameras look within 60° of their mean direction: what is behind the scene was never seen.
+// Whether the far side of the scene was never seen: all cameras look within 30° of their mean direction, or within 60°
+// and, around their mean up, into one half circle only (a ring of cameras that looks down from all sides is not
+// forward-facing).
 bool is_forward_facing(const std::vector<Camera>& cameras);
 // The point nearest to all viewing axes (least squares); for nearly parallel axes a point in front of the cameras'
 // mean.
