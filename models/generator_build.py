@@ -1,11 +1,15 @@
 """Builds and imports the picture generator (models/generator) on its own.
 
 `load()` takes the module that the project's build left in build/release/models if it is newer than the sources;
-otherwise it builds it with CMake into build/generator (half a minute). `python models/generator_build.py` only builds.
+otherwise it builds it with CMake into build/generator. `python models/generator_build.py` only builds;
+`python models/generator_build.py --heldout-hash` prints the hash that pins the held-out test (models/generator/
+heldout.sha256): SHA-256 over the bytes of heldout_settings.json and of the first 64 held-out pairs' pictures and
+captions.
 """
 
 from __future__ import annotations
 
+import hashlib
 import importlib.util
 import os
 import subprocess
@@ -15,6 +19,7 @@ from types import ModuleType
 
 ROOT = Path(__file__).resolve().parent.parent
 SOURCES = ROOT / "models" / "generator"
+HELDOUT_SEED = 20261
 
 
 def _newest_source() -> float:
@@ -30,7 +35,16 @@ def build(folder: Path = ROOT / "build" / "generator") -> Path:
     """Builds the module with this interpreter and returns its path."""
     tool = ["-G", "Ninja"] if _has("ninja") else []
     launcher = ["-DCMAKE_CXX_COMPILER_LAUNCHER=ccache"] if _has("ccache") else []
-    configure = ["cmake", "-S", str(SOURCES), "-B", str(folder), f"-DFIELDGRAFT_PYTHON={sys.executable}", *tool, *launcher]
+    configure = [
+        "cmake",
+        "-S",
+        str(SOURCES),
+        "-B",
+        str(folder),
+        f"-DFIELDGRAFT_PYTHON={sys.executable}",
+        *tool,
+        *launcher,
+    ]
     for command in (configure, ["cmake", "--build", str(folder), "-j", str(os.cpu_count() or 1)]):
         done = subprocess.run(command, capture_output=True, text=True, check=False)
         if done.returncode != 0:
@@ -57,5 +71,16 @@ def load() -> ModuleType:
     return module
 
 
+def heldout_hash() -> str:
+    """Changes when the held-out test does: by its settings, the generator, or the combinations that are held out."""
+    settings = (SOURCES / "heldout_settings.json").read_bytes()
+    batch = load().Generator(HELDOUT_SEED, "heldout", 64, settings.decode()).batch(64)
+    digest = hashlib.sha256(settings)
+    digest.update(batch["images"].tobytes())
+    for pair in batch["captions"]:
+        digest.update("\n".join(pair).encode())
+    return digest.hexdigest()
+
+
 if __name__ == "__main__":
-    print(build())
+    print(heldout_hash() if "--heldout-hash" in sys.argv[1:] else build())

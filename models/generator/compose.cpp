@@ -39,7 +39,7 @@ namespace {
 void draw_colours(ObjectSpec& o, Rng rng) {
     o.colour = o.colour2 = -1;
     o.lightness = 0;
-    constexpr float kChance[kMaterials] = {1, 0, 0, 0.5f, 0, 0, 0, 0.5f, 0.45f, 0.8f, 0.5f, 1, 1};
+    constexpr float kChance[kMaterials] = {1, 0, 0, 0.5f, 0, 0, 0, 0.35f, 0.25f, 0.7f, 0.3f, 1, 1};
     const uint32_t usual = shape_info(o.shape).usual_colours;
     const bool from_usual = rng.chance(0.25f);
     const int colour = colour_out_of(usual && from_usual ? usual : 0, rng);

@@ -1,5 +1,6 @@
 #include "models/generator/settings.h"
 
+#include <cmath>
 #include <nlohmann/json.hpp>
 #include <stdexcept>
 #include <utility>
@@ -58,6 +59,11 @@ float checked(const nlohmann::json& value, const std::string& name, float low, f
     return x;
 }
 
+// As it would be written by hand: 0.42, not 0.41999998688697815.
+double decimal(float x) {
+    return std::round(static_cast<double>(x) * 1e5) / 1e5;
+}
+
 void read_changes(const nlohmann::json& object, Settings& settings) {
     for (const auto& [key, value] : object.items()) {
         bool known = false;
@@ -110,8 +116,8 @@ Settings settings_from_json(std::string_view text) {
 
 std::string to_json(const Settings& settings) {
     nlohmann::ordered_json json;
-    for (const Entry& e : entries()) json[e.name] = settings.*(e.member);
-    for (size_t i = 0; i < settings.change.size(); ++i) json["change"][kChangeNames[i]] = settings.change[i];
+    for (const Entry& e : entries()) json[e.name] = decimal(settings.*(e.member));
+    for (size_t i = 0; i < settings.change.size(); ++i) json["change"][kChangeNames[i]] = decimal(settings.change[i]);
     return json.dump(2);
 }
 

@@ -91,6 +91,7 @@ constexpr uint32_t bit(int colour) {
 
 // The lists that the registry is put together from.
 std::vector<ShapeInfo> basic_shapes();
+void build_bulldozer(Builder& b);
 std::vector<ShapeInfo> furniture_shapes();
 std::vector<ShapeInfo> vehicle_shapes();
 std::vector<ShapeInfo> living_shapes();

@@ -143,7 +143,7 @@ void build_duck(Builder& b) {
     b.ball(kTail, {-l * 0.9f, 0, h * 1.45f}, {0.26f, 0.2f, 0.1f}, rotation_y(0.7f));
     const Vec3 head{l * 0.62f, 0, h * 1.75f + r * 0.6f};
     b.ball(kHead, head, r);
-    b.ball(kMuzzle, head + Vec3{r * 1.1f, 0, -0.04f}, {0.2f, 0.15f, 0.06f});
+    b.ball(kBeak, head + Vec3{r * 1.1f, 0, -0.04f}, {0.2f, 0.15f, 0.06f});
     for (const float s : {-1.0f, 1.0f}) {
         b.ball(kEyes, head + Vec3{r * 0.72f, s * r * 0.5f, r * 0.35f}, 0.065f);
         b.ball(kWings, {-0.1f, s * w * 0.88f, h * 1.15f}, {0.4f, 0.12f, 0.22f}, rotation_y(-0.2f));
@@ -249,7 +249,7 @@ std::vector<ShapeInfo> living_shapes() {
         {"duck",
          "ducks",
          {"rubber duck"},
-         {{kMuzzle, .95f, bit(kOrange) | bit(kRed), false},
+         {{kBeak, .95f, bit(kOrange) | bit(kRed), false},
           eyes,
           {kWings, .2f, 0, true},
           {kTail, .1f, 0, true},

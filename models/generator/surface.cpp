@@ -75,7 +75,7 @@ void paint_rusty(const Paint& p, Vec3 q, Surface& s) {
 
 void paint_mossy(const Paint& p, Vec3 q, Vec3 n, Surface& s) {
     const float patch = noise2(q * (2.4f * p.scale) + p.offset) + 0.28f * n.z;
-    const float cover = smoothstep(0.42f, 0.56f, patch + 0.14f * p.amount);
+    const float cover = smoothstep(0.44f, 0.56f, patch + 0.12f * p.amount);
     const float tuft = noise(q * 13.0f + p.offset);
     const Vec3 moss = mix(Vec3{0.05f, 0.11f, 0.01f}, Vec3{0.19f, 0.31f, 0.03f}, tuft);
     const Vec3 stone = p.colour >= 0 ? p.base * 0.7f : Vec3{0.2f, 0.19f, 0.17f};
@@ -87,7 +87,7 @@ void paint_mossy(const Paint& p, Vec3 q, Vec3 n, Surface& s) {
 void paint_snow(const Paint& p, Vec3 q, Vec3 n, Surface& s) {
     paint_plain(p, q, s);
     const float edge = noise2(q * 4.0f + p.offset);
-    s.snow = smoothstep(0.38f, 0.5f, n.z * 0.75f + 0.55f * edge - 0.22f + 0.22f * p.amount);
+    s.snow = smoothstep(0.38f, 0.5f, n.z * 0.72f + 0.75f * edge - 0.24f + 0.2f * p.amount);
     const Vec3 white = Vec3{0.93f, 0.95f, 1.0f} * (0.9f + 0.15f * noise(q * 9.0f + p.offset));
     s.albedo = mix(s.albedo, white, s.snow);
     s.specular *= 1.0f - s.snow;
@@ -97,7 +97,7 @@ void paint_snow(const Paint& p, Vec3 q, Vec3 n, Surface& s) {
 void paint_burning(const Paint& p, Vec3 q, Surface& s) {
     const float char_noise = noise2(q * 3.0f + p.offset);
     const Vec3 body = p.colour >= 0 ? p.base : Vec3{0.25f, 0.2f, 0.17f};
-    s.albedo = mix(body * 0.7f, {0.012f, 0.01f, 0.009f}, smoothstep(0.42f, 0.6f, char_noise + 0.12f));
+    s.albedo = mix(body * 0.7f, {0.012f, 0.01f, 0.009f}, smoothstep(0.42f, 0.6f, char_noise + 0.06f));
     const float glow = smoothstep(0.58f, 0.72f, noise2(q * 4.3f + p.offset + Vec3{3, 8, 1}));
     s.emission = mix(Vec3{0.9f, 0.16f, 0.01f}, Vec3{1.0f, 0.6f, 0.08f}, glow) * (glow * 0.95f);
     s.specular = 0.01f;

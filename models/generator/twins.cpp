@@ -176,7 +176,9 @@ bool change_ground(Pair& pair, const Settings& s, Rng& rng) {
 }
 
 bool repaint_part(Pair& pair, Rng& rng) {
-    const std::vector<PartRule> parts = present_parts(pair.scene[0].objects[0]);
+    std::vector<PartRule> parts = present_parts(pair.scene[0].objects[0]);
+    // The parts that make up most of the object keep its colour.
+    std::erase_if(parts, [](const PartRule& r) { return r.own < 0.08f; });
     if (parts.empty()) return false;
     const int part = parts[static_cast<size_t>(rng.below(static_cast<int>(parts.size())))].part;
     const int before = rng.below(kColours), after = (before + rng.between(1, kColours - 1)) % kColours;

@@ -46,11 +46,11 @@ struct HsvRange {
 };
 constexpr std::array<HsvRange, kColours> kRanges = {{
     {-7, 7, .78f, 1, .60f, .95f},
-    {18, 33, .82f, 1, .85f, 1},
-    {43, 59, .72f, 1, .80f, 1},
+    {15, 31, .82f, 1, .85f, 1},
+    {41, 57, .72f, 1, .80f, 1},
     {92, 148, .50f, 1, .38f, .85f},
     {206, 236, .62f, 1, .50f, .95f},
-    {264, 290, .48f, .9f, .42f, .80f},
+    {270, 294, .48f, .9f, .42f, .80f},
     {318, 348, .32f, .62f, .88f, 1},
     {17, 31, .50f, .80f, .30f, .48f},
     {0, 360, .0f, .20f, .05f, .16f},
@@ -67,6 +67,8 @@ Vec3 hsv(float h, float s, float v) {
     return {channel(5), channel(3), channel(1)};
 }
 
+constexpr uint64_t kHeldOutSeed = 16;
+
 uint64_t combination(std::string_view kind, int a, int b, int c) {
     std::string key(kind);
     key += '|';
@@ -75,7 +77,7 @@ uint64_t combination(std::string_view kind, int a, int b, int c) {
     if (b >= 0) key += material_name(b);
     key += '|';
     if (c >= 0) key += colour_name(c);
-    return hash_text(key, 20);
+    return hash_text(key, kHeldOutSeed);
 }
 
 }  // namespace
@@ -162,8 +164,8 @@ Vec3 sample_colour(int colour, int lightness, Rng& rng) {
 }
 
 bool is_held_out(int shape, int material, int colour) {
-    // About one pair in twelve and one triple in twelve more. The seed 20 was chosen so that the combinations
-    // which the documentation's examples use (yellow, red, blue and golden bulldozers) are trained on.
+    // About one pair in twelve and one triple in twelve more. The seed was chosen so that the combinations
+    // which the documentation uses as examples (yellow, red, blue, golden, wooden bulldozers) are trained on.
     if (combination("shape-material", shape, material, -1) % 12 == 0 && material != kPlain) return true;
     if (colour < 0) return false;
     if (combination("shape-colour", shape, -1, colour) % 12 == 0) return true;

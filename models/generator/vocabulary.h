@@ -43,7 +43,7 @@ enum Material : int {
     X(Bumper, "bumper") X(Lights, "headlights") X(Cargo, "cargo bed") X(Mesh, "mesh") X(Top, "table top") \
     X(Points, "points") X(Flames, "flames") X(Pot, "pot") X(Blanket, "blanket") X(Face, "face") X(Frame, "frame") \
     X(Rungs, "crossbars") X(Muzzle, "muzzle") X(Lift, "lift arms") X(Petals, "petals") X(Fruit, "fruit") X(Flag, "flag") \
-    X(Towers, "towers") X(Skins, "drumheads")
+    X(Towers, "towers") X(Beak, "beak") X(Skins, "drumheads")
 // clang-format on
 
 enum Part : int {
