@@ -15,6 +15,7 @@ import json
 import math
 import os
 import re
+import struct
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -233,6 +234,26 @@ def _intrinsics_of_json(shared: dict, frame: dict, size: tuple[int, int] | None,
     raise ValueError(f"{where}: neither fl_x nor camera_angle_x says how wide the camera sees")
 
 
+def png_size(path: Path) -> tuple[int, int] | None:
+    """Width and height out of a PNG's header; None when there is no such picture."""
+    try:
+        with open(path, "rb") as file:
+            head = file.read(24)
+    except OSError:
+        return None
+    if head[:8] != b"\x89PNG\r\n\x1a\n" or head[12:16] != b"IHDR":
+        return None
+    return struct.unpack(">II", head[16:24])
+
+
+def _picture_size_beside(path: Path, frame: dict) -> tuple[int, int] | None:
+    """The size of the frame's own picture, when it is a PNG inside the file's folder (extension or none)."""
+    name = Path(str(frame.get("file_path", "")))
+    if name.is_absolute() or ".." in name.parts:
+        return None
+    return png_size(path.parent / name) or png_size(path.parent / f"{name}.png")
+
+
 def _views_of_path(data: dict, where: str) -> Iterable[View]:
     """nerfstudio's camera_path.json: the interpolated cameras, or the key frames where there are none."""
     width, height = int(data["render_width"]), int(data["render_height"])
@@ -244,10 +265,13 @@ def _views_of_path(data: dict, where: str) -> Iterable[View]:
         yield View(f"{i:05d}", matrix, Intrinsics(width, height, focal, focal, 0.5 * width, 0.5 * height))
 
 
-def read_views(path: str | os.PathLike, size: tuple[int, int] | None = None) -> list[View]:
+def read_views(
+    path: str | os.PathLike, size: tuple[int, int] | None = None, fallback: tuple[int, int] | None = None
+) -> list[View]:
     """The cameras of a transforms*.json (NeRF-synthetic or nerfstudio) or a nerfstudio camera path, in file order.
 
-    `size` (width, height) is the size of the dataset's pictures, needed where the file does not say it.
+    `size` (width, height) is the size of the dataset's pictures where the file does not say it; without it, that of the
+    first picture beside the file; without pictures, `fallback`.
     Raises ValueError with one line that names the file and the frame.
     """
     path = Path(path)
@@ -263,6 +287,7 @@ def read_views(path: str | os.PathLike, size: tuple[int, int] | None = None) -> 
             where = f"{path}, frame {i}"
             name = Path(str(frame.get("file_path", f"{i:05d}"))).with_suffix("").name
             matrix = _matrix_of(frame.get("transform_matrix"), where)
+            size = size or _picture_size_beside(path, frame) or fallback
             views.append(View(name, matrix, _intrinsics_of_json(data, frame, size, where)))
     else:
         raise ValueError(f"{path}: neither a transforms.json (frames) nor a camera path (camera_path) is in it")

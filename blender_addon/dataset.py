@@ -85,8 +85,13 @@ def render_picture(scene: Any, path: Path) -> None:
     os.replace(temporary, path)
 
 
-def render_steps(scene: Any, folder: Path, splits: dict[str, list[cameras.View]]) -> Iterator[tuple[int, int]]:
-    """Renders all views of all splits into folder/split/name.png, then writes the transforms files."""
+def render_steps(
+    scene: Any, folder: Path, splits: dict[str, list[cameras.View]], keep_existing: bool = False
+) -> Iterator[tuple[int, int]]:
+    """Renders all views of all splits into folder/split/name.png, then writes the transforms files.
+
+    With `keep_existing` a picture that is there already stays: an interrupted run goes on where it stopped.
+    """
     import bpy
 
     total = sum(len(views) for views in splits.values())
@@ -99,8 +104,10 @@ def render_steps(scene: Any, folder: Path, splits: dict[str, list[cameras.View]]
             done = 0
             for split, views in splits.items():
                 for view in views:
-                    cameras.apply_view(scene, camera, view)
-                    render_picture(scene, folder / split / f"{view.name}.png")
+                    path = folder / split / f"{view.name}.png"
+                    if not (keep_existing and path.exists()):
+                        cameras.apply_view(scene, camera, view)
+                        render_picture(scene, path)
                     done += 1
                     yield done, total
     finally:

@@ -39,18 +39,17 @@ def parse(arguments: list[str]) -> argparse.Namespace:
 
 
 def chosen_views(options: argparse.Namespace) -> list[cameras.View]:
-    source = options.source_resolution or options.resolution
-    views = cameras.read_views(options.cameras, tuple(source) if source else None)
+    source, wanted = (tuple(size) if size else None for size in (options.source_resolution, options.resolution))
+    views = cameras.read_views(options.cameras, source, fallback=wanted)
     if options.views:
-        wanted = options.views.split(",")
-        chosen = [v for i, v in enumerate(views) if str(i) in wanted or v.name in wanted]
-        missing = [w for w in wanted if w not in {v.name for v in chosen} | {str(i) for i in range(len(views))}]
+        names = options.views.split(",")
+        chosen = [v for i, v in enumerate(views) if str(i) in names or v.name in names]
+        missing = [n for n in names if n not in {v.name for v in chosen} | {str(i) for i in range(len(views))}]
         if missing:
             raise ValueError(f"{options.cameras}: no camera {', '.join(missing)}; there are {len(views)}, from 0")
         views = chosen
-    if options.resolution:
-        size = tuple(options.resolution)
-        views = [cameras.View(v.name, v.matrix, v.intrinsics.scaled_to(*size)) for v in views]
+    if wanted:
+        views = [cameras.View(v.name, v.matrix, v.intrinsics.scaled_to(*wanted)) for v in views]
     return views
 
 

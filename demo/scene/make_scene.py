@@ -172,10 +172,11 @@ def use_cycles(samples: int, threads: int) -> None:
 def main() -> None:
     parser = argparse.ArgumentParser(prog="make_scene.py")
     parser.add_argument("--out", type=Path, default=Path(__file__).resolve().parent)
-    parser.add_argument("--samples", type=int, default=256)
+    parser.add_argument("--samples", type=int, default=192)
     parser.add_argument("--size", type=int, default=SIZE)
     parser.add_argument("--threads", type=int, default=0)
     parser.add_argument("--preview", action="store_true", help="two views a split only")
+    parser.add_argument("--resume", action="store_true", help="keep pictures that are there already")
     parser.add_argument("--blend", type=Path, help="also save the scene as this .blend")
     options = parser.parse_args(sys.argv[sys.argv.index("--") + 1 :] if "--" in sys.argv else sys.argv[1:])
 
@@ -190,7 +191,7 @@ def main() -> None:
     splits = cameras.hemisphere_views(SPLITS, intrinsics, RADIUS, CENTRE, elevation)
     if options.preview:
         splits = {split: views[:: max(1, len(views) // 2)][:2] for split, views in splits.items()}
-    for done, total in dataset.render_steps(bpy.context.scene, options.out, splits):
+    for done, total in dataset.render_steps(bpy.context.scene, options.out, splits, options.resume):
         print(f"{done} of {total} pictures", flush=True)
 
 

@@ -9,6 +9,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from PIL import Image
 
 ROOT = Path(__file__).resolve().parent.parent.parent
 sys.path.insert(0, str(ROOT))
@@ -64,6 +65,16 @@ def test_written_cameras_are_read_back(tmp_path: Path, simple: bool) -> None:
         np.testing.assert_allclose(read.matrix, written.matrix, atol=1e-8)
         for name in ("width", "height", "fl_x", "fl_y", "cx", "cy"):
             assert getattr(read.intrinsics, name) == pytest.approx(getattr(k, name), rel=1e-9)
+
+
+def test_picture_size_comes_from_the_pictures(tmp_path: Path) -> None:
+    splits = cameras.hemisphere_views({"test": 2}, cameras.Intrinsics.from_angle_x(40, 30, 0.7), 4.0)
+    (path,) = cameras.write_dataset_files(tmp_path, splits)
+    with pytest.raises(ValueError, match="give --resolution"):
+        cameras.read_views(path)
+    (tmp_path / "test").mkdir()
+    Image.new("RGBA", (40, 30)).save(tmp_path / "test" / "r_000.png")
+    assert {(v.intrinsics.width, v.intrinsics.height) for v in cameras.read_views(path)} == {(40, 30)}
 
 
 def test_camera_paths_in_both_forms(tmp_path: Path) -> None:
