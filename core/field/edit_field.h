@@ -2,11 +2,14 @@
 //
 //   change  color_e, beta_color        remove  beta_density        add  density_e, color_e
 //
-// A smooth, coarse grid encoding (a few low resolutions, then finer levels that a schedule fades in) and one small MLP.
-// density_e = softplus, per model unit of length; color_e, betas = sigmoid with bounded logits. Betas start near 0.02.
-// An operation that is off has no head and no parameter. Where `support` is set, g is exactly 0 outside its cells.
+// A smooth, coarse grid encoding (a few low resolutions, then finer levels that a schedule fades in) and one small MLP:
+//   h = relu(W encode(x) + b)    color_e, betas = sigmoid(8 tanh(z/8))    density_e = (128/edge) softplus(z)
+// with z one linear head of h each, edge the box's longest. Betas start near 0.02, density_e small with a live gradient.
+// An operation that is off has no head and no parameter. g is exactly 0 outside the box and, where `support` is set,
+// outside its cells (a step: not differentiable there).
 //
-// Shapes: positions N×3 (model coordinates). Outputs N or N×3, undefined tensors for heads that are off.
+// Shapes: positions N×3 float32 (model coordinates). Outputs N or N×3, undefined tensors for heads that are off.
+// Differentiable in the parameters, not in the positions. Bits do not depend on the number of threads in the encoding.
 #pragma once
 
 #include <filesystem>
@@ -17,6 +20,7 @@
 
 #include "core/base/torch.h"
 #include "core/field/geometry.h"
+#include "core/kernels/hash_grid_ref.h"
 
 namespace fieldgraft {
 
@@ -48,6 +52,8 @@ struct EditSamples {
     Tensor color_e;       // N×3
     Tensor beta_density;  // N
     Tensor beta_color;    // N
+
+    Operations operations() const { return {density_e.defined(), beta_density.defined(), beta_color.defined()}; }
 };
 
 class EditField {
@@ -58,16 +64,22 @@ class EditField {
     const std::map<std::string, Tensor>& parameters() const { return parameters_; }
     const EditFieldConfig& config() const { return config_; }
     const FieldGeometry& geometry() const { return geometry_; }
-    // Weights 0…1 a level: how far the smoothness schedule has faded each level in (all 1 when saved).
+    // Weights 0…1 a level: how far the smoothness schedule has faded each level in (folded into the table when saved).
     void set_level_weights(std::vector<float> weights);
+    const std::vector<float>& level_weights() const { return level_weights_; }
+    // The parameters and the support as a file holds them: detached copies, level weights folded in.
+    std::map<std::string, Tensor> tensors() const;
     // R×R×R uint8 (z, y, x): the cells where g acts. Undefined while training; fixed when saved.
     const Tensor& support() const { return support_; }
     void set_support(Tensor support);
 
   private:
     friend struct EditFile;
+    EditSamples evaluate_inside(const Tensor& positions) const;
+
     EditFieldConfig config_;
     FieldGeometry geometry_;
+    std::shared_ptr<const HashGrid> grid_;
     std::map<std::string, Tensor> parameters_;
     std::vector<float> level_weights_;
     Tensor support_;
@@ -80,11 +92,16 @@ struct EditFile {
     std::vector<std::string> stack;       // hashes of the edits below it when it was trained
     Json specification = Json::object();  // prompts, operations, thresholds … (core/edit's EditSpec as JSON)
     float strength_add = 1, strength_remove = 1, strength_change = 1;
-    std::string hash() const;             // over tensors and geometry
+    // SHA-256 over tensors, configuration and geometry; strengths and specification do not enter.
+    std::string hash() const;
+    // One `.safetensors`; the field must have its support (g's figures are those after truncation).
     void save(const std::filesystem::path& path) const;
+    // Throws InputError: not an edit file, missing or misshapen tensors, strengths outside [0, 1].
     static EditFile load(const std::filesystem::path& path);
     // Throws InputError when `field_hash` is another field's.
     void check_field(const std::string& field_hash, const std::string& where) const;
+    // A warning when the edits below (their hashes, lowest first) are not those it was trained over; else empty.
+    std::string check_stack(const std::vector<std::string>& below, const std::string& where) const;
 };
 
 }  // namespace fieldgraft

@@ -1,0 +1,217 @@
+#include "core/field/edit_field.h"
+
+#include <cmath>
+#include <sstream>
+
+#include "core/base/errors.h"
+#include "core/base/random.h"
+#include "core/base/shape.h"
+#include "core/field/cells.h"
+#include "core/field/grid_encoding.h"
+
+namespace fieldgraft {
+namespace {
+
+constexpr double logit_bound = 8;          // sigmoid stays within 3.4e-4 of 0 and 1, its gradient alive
+constexpr float initial_feature = 0.1f;    // grid entries start uniform within ± this
+constexpr double density_cells = 128;      // density_e is counted per box edge / 128
+
+struct Head {
+    const char* name;
+    std::int64_t size;
+    double bias;  // of z at the start
+};
+
+double box_edge(const FieldGeometry& geometry) {
+    double edge = 0;
+    for (int c = 0; c < 3; ++c) edge = std::max(edge, geometry.box_max[c] - geometry.box_min[c]);
+    return edge;
+}
+
+// The heads that the operations need, in the order in which they lie in the network's output.
+std::vector<Head> heads_of(const EditFieldConfig& config) {
+    const Operations& on = config.operations;
+    // z with sigmoid(8 tanh(z/8)) = initial_beta, and with softplus(z) = initial_density.
+    const double beta_logit = std::log(config.initial_beta / (1 - config.initial_beta));
+    const double beta_bias = logit_bound * std::atanh(beta_logit / logit_bound);
+    const double density_bias = std::log(std::expm1(config.initial_density));
+    std::vector<Head> heads;
+    if (on.add) heads.push_back({"density_e", 1, density_bias});
+    if (on.add || on.change) heads.push_back({"color_e", 3, 0});
+    if (on.remove) heads.push_back({"beta_density", 1, beta_bias});
+    if (on.change) heads.push_back({"beta_color", 1, beta_bias});
+    return heads;
+}
+
+Tensor uniform(at::IntArrayRef shape, float limit, Random& random) {
+    Tensor tensor = at::empty(shape, at::kFloat);
+    float* values = tensor.mutable_data_ptr<float>();
+    for (std::int64_t i = 0; i < tensor.numel(); ++i) values[i] = random.uniform(-limit, limit);
+    return tensor;
+}
+
+std::map<std::string, Tensor> initial_parameters(const EditFieldConfig& config, const HashGrid& grid, std::uint64_t seed) {
+    const std::int64_t rows = static_cast<std::int64_t>(grid.rows()), hidden = config.hidden;
+    std::map<std::string, Tensor> parameters;
+    Random table_random(seed, 1), hidden_random(seed, 2), head_random(seed, 3);
+    parameters["grid.table"] = uniform({static_cast<std::int64_t>(grid.entries), grid.features}, initial_feature, table_random);
+    parameters["hidden.weight"] = uniform({hidden, rows}, std::sqrt(6.0f / rows), hidden_random);
+    parameters["hidden.bias"] = uniform({hidden}, 0.25f, hidden_random);
+    for (const Head& head : heads_of(config)) {  // small weights: the biases decide how g starts
+        parameters[std::string(head.name) + ".weight"] = uniform({head.size, hidden}, 0.2f * std::sqrt(3.0f / hidden), head_random);
+        parameters[std::string(head.name) + ".bias"] = at::full({head.size}, head.bias, at::kFloat);
+    }
+    for (auto& [name, parameter] : parameters) parameter.requires_grad_(true);
+    return parameters;
+}
+
+int read_int(const Json& json, const char* key, int low, int high) {
+    const auto found = json.find(key);
+    if (found == json.end() || !found->is_number_integer()) input_error("edit: \"{}\" must be a whole number", key);
+    const auto value = found->get<std::int64_t>();
+    if (value < low || value > high) input_error("edit: \"{}\" must be {} to {}, not {}", key, low, high, value);
+    return static_cast<int>(value);
+}
+
+double read_number(const Json& json, const char* key, double low, double high) {
+    const auto found = json.find(key);
+    if (found == json.end() || !found->is_number()) input_error("edit: \"{}\" must be a number", key);
+    const double value = found->get<double>();
+    if (!(value > low && value < high)) input_error("edit: \"{}\" must lie between {} and {}, not {}", key, low, high, value);
+    return value;
+}
+
+Tensor bounded(const Tensor& z) { return at::sigmoid(at::tanh(z / logit_bound) * logit_bound); }
+
+// values (M or M×3) at rows `index` of N, 0 elsewhere.
+Tensor spread(const Tensor& values, const Tensor& index, std::int64_t count) {
+    if (!values.defined()) return values;
+    std::vector<std::int64_t> shape = values.sizes().vec();
+    shape[0] = count;
+    return at::zeros(shape, values.options()).index_copy(0, index, values);
+}
+
+}  // namespace
+
+Operations Operations::parse(const std::string& list) {
+    Operations operations;
+    std::istringstream stream(list);
+    for (std::string word; std::getline(stream, word, ',');) {
+        word.erase(0, word.find_first_not_of(" \t"));
+        word.erase(word.find_last_not_of(" \t") + 1);
+        if (word == "add") operations.add = true;
+        else if (word == "remove") operations.remove = true;
+        else if (word == "change") operations.change = true;
+        else input_error("operation \"{}\" is unknown; a comma-separated list of add, remove, change is needed", word);
+    }
+    if (!operations.any()) input_error("no operation given: a comma-separated list of add, remove, change is needed");
+    return operations;
+}
+
+std::string Operations::to_string() const {
+    std::string list;
+    for (const auto& [on, word] : {std::pair{change, "change"}, {add, "add"}, {remove, "remove"}}) {
+        if (on) list += (list.empty() ? "" : ",") + std::string(word);
+    }
+    return list;
+}
+
+Json EditFieldConfig::to_json() const {
+    return {{"operations", operations.to_string()}, {"resolutions", resolutions},   {"features_per_level", features_per_level},
+            {"log2_table_size", log2_table_size},   {"hidden", hidden},             {"initial_beta", initial_beta},
+            {"initial_density", initial_density}};
+}
+
+EditFieldConfig EditFieldConfig::from_json(const Json& json) {
+    if (!json.is_object()) input_error("edit: the configuration must be a JSON object");
+    EditFieldConfig config;
+    const auto operations = json.find("operations"), resolutions = json.find("resolutions");
+    if (operations == json.end() || !operations->is_string()) input_error("edit: \"operations\" must be a string");
+    config.operations = Operations::parse(operations->get<std::string>());
+    if (resolutions == json.end() || !resolutions->is_array() || resolutions->empty() || resolutions->size() > 32) {
+        input_error("edit: \"resolutions\" must be a list of 1 to 32 whole numbers");
+    }
+    config.resolutions.clear();
+    for (const Json& item : *resolutions) config.resolutions.push_back(read_int({{"resolutions", item}}, "resolutions", 1, 4096));
+    config.features_per_level = read_int(json, "features_per_level", 1, 8);
+    config.log2_table_size = read_int(json, "log2_table_size", 1, 28);
+    config.hidden = read_int(json, "hidden", 1, 1024);
+    // sigmoid's logit must lie within the bound.
+    config.initial_beta = read_number(json, "initial_beta", 3.4e-4, 1 - 3.4e-4);
+    config.initial_density = read_number(json, "initial_density", 0, 100);
+    return config;
+}
+
+EditField::EditField(const EditFieldConfig& config, const FieldGeometry& geometry, std::uint64_t seed)
+    : config_(EditFieldConfig::from_json(config.to_json())),
+      geometry_(FieldGeometry::from_json(geometry.to_json())),
+      grid_(std::make_shared<HashGrid>(make_level_grid(config.resolutions, config.features_per_level, config.log2_table_size))),
+      parameters_(initial_parameters(config_, *grid_, seed)),
+      level_weights_(config.resolutions.size(), 1.0f) {}
+
+EditSamples EditField::evaluate(const Tensor& positions) const {
+    const Tensor inside = in_cells(geometry_, support_, positions);  // checks the positions' shape
+    const std::int64_t count = positions.size(0);
+    const Tensor index = inside.nonzero().squeeze(1);
+    if (index.size(0) == count) return evaluate_inside(positions);
+    const EditSamples part = evaluate_inside(positions.index_select(0, index));
+    return {spread(part.density_e, index, count), spread(part.color_e, index, count),
+            spread(part.beta_density, index, count), spread(part.beta_color, index, count)};
+}
+
+EditSamples EditField::evaluate_inside(const Tensor& positions) const {
+    Tensor encoded = encode_positions(grid_, geometry_, positions, parameters_.at("grid.table"));
+    if (std::any_of(level_weights_.begin(), level_weights_.end(), [](float w) { return w != 1; })) {
+        encoded = encoded * torch::tensor(level_weights_).repeat_interleave(config_.features_per_level).unsqueeze(1);
+    }
+    const Tensor hidden =
+        at::relu(at::addmm(parameters_.at("hidden.bias").unsqueeze(1), parameters_.at("hidden.weight"), encoded));
+    std::vector<Tensor> weights, biases;
+    const std::vector<Head> heads = heads_of(config_);
+    for (const Head& head : heads) {
+        weights.push_back(parameters_.at(std::string(head.name) + ".weight"));
+        biases.push_back(parameters_.at(std::string(head.name) + ".bias"));
+    }
+    const Tensor z = at::addmm(at::cat(biases).unsqueeze(1), at::cat(weights), hidden);
+    EditSamples out;
+    std::int64_t row = 0;
+    for (const Head& head : heads) {
+        const std::string name = head.name;
+        const Tensor part = head.size == 1 ? z.select(0, row) : z.narrow(0, row, head.size).t();
+        if (name == "density_e") out.density_e = at::softplus(part) * (density_cells / box_edge(geometry_));
+        else if (name == "color_e") out.color_e = bounded(part);
+        else if (name == "beta_density") out.beta_density = bounded(part);
+        else out.beta_color = bounded(part);
+        row += head.size;
+    }
+    return out;
+}
+
+void EditField::set_level_weights(std::vector<float> weights) {
+    if (weights.size() != config_.resolutions.size()) {
+        throw std::invalid_argument(fmt::format("{} level weights for {} levels", weights.size(), config_.resolutions.size()));
+    }
+    for (const float w : weights) {
+        if (!(w >= 0 && w <= 1)) throw std::invalid_argument(fmt::format("a level weight must lie in [0, 1], not {}", w));
+    }
+    level_weights_ = std::move(weights);
+}
+
+void EditField::set_support(Tensor support) {
+    if (support.defined()) check_cells(support, "an edit's support");
+    support_ = support.defined() ? support.contiguous() : support;
+}
+
+std::map<std::string, Tensor> EditField::tensors() const {
+    std::map<std::string, Tensor> all;
+    for (const auto& [name, parameter] : parameters_) all[name] = parameter.detach().clone();
+    for (std::size_t l = 0; l < level_weights_.size(); ++l) {
+        const HashGridLevel& level = grid_->levels[l];
+        if (level_weights_[l] == 1) continue;
+        all["grid.table"].narrow(0, static_cast<std::int64_t>(level.offset), level.entries).mul_(level_weights_[l]);
+    }
+    if (support_.defined()) all["support"] = support_.clone();
+    return all;
+}
+
+}  // namespace fieldgraft
