@@ -111,7 +111,9 @@ Operations Operations::parse(const std::string& list) {
 std::string Operations::to_string() const {
     std::string list;
     for (const auto& [on, word] : {std::pair{change, "change"}, {add, "add"}, {remove, "remove"}}) {
-        if (on) list += (list.empty() ? "" : ",") + std::string(word);
+        if (!on) continue;
+        if (!list.empty()) list += ',';
+        list += word;
     }
     return list;
 }
