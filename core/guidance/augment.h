@@ -23,7 +23,7 @@ namespace fieldgraft {
 
 struct AugmentSettings {
     int copies = 24;  // with the untouched one
-    ColourRanges colour;
+    ColourRanges colour{};
     double translation = 0.125;  // at most this share of S each way
     double cutout = 0.5;         // side of the square cut out; 0: none
     double perspective = 0.4;    // each corner moves inwards by at most half this share of S; 0: none
