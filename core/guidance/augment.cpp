@@ -155,10 +155,14 @@ std::array<double, 9> corner_homography(const std::array<std::array<double, 2>, 
                                   g,
                                   h,
                                   1};
-    // Its inverse up to scale: the adjugate.
-    return {m[4] * m[8] - m[5] * m[7], m[2] * m[7] - m[1] * m[8], m[1] * m[5] - m[2] * m[4],
-            m[5] * m[6] - m[3] * m[8], m[0] * m[8] - m[2] * m[6], m[2] * m[3] - m[0] * m[5],
-            m[3] * m[7] - m[4] * m[6], m[1] * m[6] - m[0] * m[7], m[0] * m[4] - m[1] * m[3]};
+    // Its inverse up to scale: the adjugate. Corners on a line have none.
+    const std::array<double, 9> inverse{
+        m[4] * m[8] - m[5] * m[7], m[2] * m[7] - m[1] * m[8], m[1] * m[5] - m[2] * m[4],
+        m[5] * m[6] - m[3] * m[8], m[0] * m[8] - m[2] * m[6], m[2] * m[3] - m[0] * m[5],
+        m[3] * m[7] - m[4] * m[6], m[1] * m[6] - m[0] * m[7], m[0] * m[4] - m[1] * m[3]};
+    const double whole = m[0] * inverse[0] + m[1] * inverse[3] + m[2] * inverse[6];
+    if (!(std::abs(whole) > 1e-12)) throw std::invalid_argument("corner_homography: three corners lie on a line");
+    return inverse;
 }
 
 Tensor augment(const Tensor& image, const std::vector<Augmentation>& augmentations, const Tensor& fill) {

@@ -40,7 +40,8 @@ std::unordered_set<std::string> read_words(const std::filesystem::path& path) {
 
 struct Guidance::Model {
     GuidanceConfig config;
-    std::filesystem::path weights_path;
+    std::filesystem::path folder;
+    std::shared_ptr<const SafeTensors> file;  // kept for the hash; in float32 it shares the towers' memory
     Tokenizer tokenizer;
     std::unique_ptr<TextTower> text;
     std::unique_ptr<VisionTower> vision;
@@ -64,7 +65,8 @@ std::shared_ptr<Guidance::Model> Guidance::load_model(const std::filesystem::pat
     GuidanceConfig config = load_guidance_config(folder);
     const auto path = find_weights(folder);
     auto model = std::shared_ptr<Model>(new Model{.config = std::move(config),
-                                                  .weights_path = path,
+                                                  .folder = folder,
+                                                  .file = std::make_shared<const SafeTensors>(load_safetensors(path)),
                                                   .tokenizer = Tokenizer::load(folder),
                                                   .text = {},
                                                   .vision = {},
@@ -75,8 +77,7 @@ std::shared_ptr<Guidance::Model> Guidance::load_model(const std::filesystem::pat
     if (model->tokenizer.largest_id() >= model->config.text.vocab_size)
         input_error("{}: the vocabulary's ids go to {}, text_config's vocab_size is {}", folder.string(),
                     model->tokenizer.largest_id(), model->config.text.vocab_size);
-    const auto file = std::make_shared<const SafeTensors>(load_safetensors(path));
-    const Weights whole(file, torch::kFloat, options.device);
+    const Weights whole(model->file, torch::kFloat, options.device);
     const Weights towers = model->config.model_type == "clipseg" ? whole.below("clip.") : whole;
     const int dimension = model->config.projection_dim;
     model->text = std::make_unique<TextTower>(towers, model->config.text, dimension);
@@ -144,7 +145,7 @@ Tensor Guidance::encode_image(const Tensor& images) const {
 Guidance::Model& Guidance::segmenter() const {
     if (!segmenter_)
         input_error("{}: this model has no segmenter; give one beside it (a CLIPSeg folder or the built-in model)",
-                    model_->weights_path.parent_path().string());
+                    model_->folder.string());
     return *segmenter_;
 }
 
@@ -187,10 +188,9 @@ const GuidanceConfig& Guidance::config() const {
 std::string Guidance::hash() {
     const std::scoped_lock lock(model_->mutex);
     if (!hash_.empty()) return hash_;
-    std::map<std::string, Tensor> tensors = load_safetensors(model_->weights_path).tensors;
+    std::map<std::string, Tensor> tensors = model_->file->tensors;
     if (segmenter_ && segmenter_ != model_)
-        for (const auto& [name, tensor] : load_safetensors(segmenter_->weights_path).tensors)
-            tensors["segmenter/" + name] = tensor;
+        for (const auto& [name, tensor] : segmenter_->file->tensors) tensors["segmenter/" + name] = tensor;
     return hash_ = content_hash(tensors);
 }
 
