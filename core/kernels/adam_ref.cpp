@@ -1,6 +1,8 @@
 #include "core/kernels/adam_ref.h"
 
+#include <atomic>
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -58,6 +60,19 @@ void adam_step(const AdamStep& step, std::span<const T> grad, std::span<T> param
     });
 }
 
+template <class T>
+bool all_finite(std::span<const T> values, const ParallelFor& parallel_for) {
+    std::atomic<bool> finite{true};
+    parallel_for(static_cast<std::int64_t>(values.size()), entries_per_task, [&](std::int64_t begin, std::int64_t end) {
+        int bad = 0;  // no early way out: a plain reduction is vectorised
+        for (std::int64_t i = begin; i < end; ++i) bad |= !(std::fabs(values[i]) <= std::numeric_limits<T>::max());
+        if (bad != 0) finite = false;
+    });
+    return finite;
+}
+
+template bool all_finite<float>(std::span<const float>, const ParallelFor&);
+template bool all_finite<double>(std::span<const double>, const ParallelFor&);
 template void adam_step<float>(const AdamStep&, std::span<const float>, std::span<float>, std::span<float>,
                                std::span<float>, const ParallelFor&);
 template void adam_step<double>(const AdamStep&, std::span<const double>, std::span<double>, std::span<double>,

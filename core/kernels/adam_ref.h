@@ -24,4 +24,8 @@ template <class T>
 void adam_step(const AdamStep& step, std::span<const T> grad, std::span<T> parameters, std::span<T> m, std::span<T> v,
                const ParallelFor& parallel_for);
 
+// True if no value is NaN or infinite.
+template <class T>
+bool all_finite(std::span<const T> values, const ParallelFor& parallel_for);
+
 }  // namespace fieldgraft

@@ -1,0 +1,39 @@
+// Which cells of the box may hold something, learnt while the field is: R³ cells (z slowest) with a fading memory of
+// density.
+//
+//   v ← max(0.9·v, σ(a random point of the cell))   occupied: v > min(mean v, threshold),  threshold·step = 0.01
+//
+// (Müller et al. 2022, appendix C). refresh_all looks into every cell; refresh_some into 1/32 of the cells, in turn,
+// and into as many random occupied ones. All randomness comes from the caller's generator.
+#pragma once
+
+#include "core/base/random.h"
+#include "core/field/radiance_field.h"
+
+namespace fieldgraft {
+
+class OccupancyGrid {
+  public:
+    OccupancyGrid(const FieldGeometry& geometry, int resolution, double step);
+    void refresh_all(const RadianceField& field, Random& random);
+    void refresh_some(const RadianceField& field, Random& random);
+
+    Tensor cells() const;  // R×R×R uint8, 1 = occupied
+    double share() const;  // of cells that are occupied
+    // For checkpoints: R³ float32 and how many refreshes there were.
+    const Tensor& values() const { return values_; }
+    std::int64_t turn() const { return turn_; }
+    void restore(const Tensor& values, std::int64_t turn);
+
+  private:
+    void look_into(const RadianceField& field, const std::vector<std::int64_t>& cells, Random& random);
+    float limit() const;
+
+    FieldGeometry geometry_;
+    std::int64_t resolution_;
+    double threshold_;
+    Tensor values_;
+    std::int64_t turn_ = 0;
+};
+
+}  // namespace fieldgraft

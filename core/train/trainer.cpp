@@ -1,0 +1,285 @@
+#include "core/train/trainer.h"
+
+#include <sys/resource.h>
+
+#include <cmath>
+
+#include "core/base/errors.h"
+#include "core/render/blend.h"
+#include "core/render/render_view.h"
+#include "core/train/checkpoint.h"
+
+namespace fieldgraft {
+namespace {
+
+constexpr std::int64_t refresh_interval = 16;  // iterations between looks at the occupancy
+constexpr int most_skipped_in_a_row = 8;
+
+double preset_minutes(const std::string& quality) {
+    if (quality == "draft") return 1;
+    if (quality == "preview") return 3;
+    if (quality == "final") return 10;
+    input_error("quality \"{}\" is unknown: draft, preview or final", quality);
+}
+
+double peak_mib() {
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return static_cast<double>(usage.ru_maxrss) / 1024;  // Linux counts KiB
+}
+
+double psnr_of(double error) {
+    return error > 0 ? -10 * std::log10(error) : std::numeric_limits<double>::infinity();
+}
+
+Tensor random_colors(std::int64_t count, Random& random) {
+    Tensor colors = at::empty({count, 3}, at::kFloat);
+    float* values = colors.mutable_data_ptr<float>();
+    for (std::int64_t i = 0; i < 3 * count; ++i) values[i] = random.uniform();
+    return colors;
+}
+
+class Trainer {
+  public:
+    Trainer(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,
+            const std::filesystem::path& checkpoint)
+        : data_(data), options_(options), reporter_(reporter), checkpoint_(checkpoint), state_(fresh_state()) {}
+
+    void resume() {
+        if (checkpoint_.empty()) throw std::invalid_argument("resume needs the path of a checkpoint");
+        load_checkpoint(checkpoint_, state_, run_description());
+        refresh_cells();
+        before_ = state_.seconds;
+    }
+
+    TrainResult run() {
+        last_saved_ = last_told_ = state_.seconds;
+        while (share() < 1) {
+            iterate();
+            state_.seconds = before_ + watch_.seconds();
+            if (state_.seconds - last_told_ >= 0.5 || share() >= 1) tell();
+            if (reporter_.stop_requested()) {
+                save();
+                throw Cancelled();
+            }
+            if (state_.seconds - last_saved_ >= options_.checkpoint_seconds) save();
+        }
+        return finish();
+    }
+
+  private:
+    TrainState fresh_state() const {
+        auto field = std::make_shared<RadianceField>(options_.field, data_.geometry, options_.seed);
+        OccupancyGrid occupancy(data_.geometry, options_.occupancy_resolution, step());
+        field->set_occupancy(occupancy.cells());
+        return {field, FieldOptimizer(*field), occupancy, Random(options_.seed, 0x7261696eu)};
+    }
+
+    double step() const {
+        MarchOptions march;
+        march.step = options_.step;
+        return march_step(data_.geometry, march);
+    }
+
+    double minutes() const { return options_.minutes.value_or(preset_minutes(options_.quality)); }
+
+    // How much of the run is done.
+    double share() const {
+        if (options_.iterations) {
+            return static_cast<double>(state_.iteration) / static_cast<double>(*options_.iterations);
+        }
+        return state_.seconds / (60 * minutes());
+    }
+
+    Json run_description() const {
+        return {{"config", options_.field.to_json()},
+                {"geometry", data_.geometry.to_json()},
+                {"seed", options_.seed},
+                {"samples", options_.samples},
+                {"rate", options_.rate},
+                {"rate_end", options_.rate_end},
+                {"step", step()},
+                {"images", data_.train.cameras.size()},
+                {"iterations", options_.iterations ? Json(*options_.iterations) : Json()},
+                {"occupancy_resolution", options_.occupancy_resolution}};
+    }
+
+    double rate() const {
+        const double done = std::min(share(), 1.0);
+        // The first steps are short: Adam's second moments know nothing yet.
+        const double warm = std::min(1.0, static_cast<double>(state_.iteration + 1) / 100);
+        return options_.rate * std::pow(options_.rate_end, done) * warm * state_.rate_scale;
+    }
+
+    void refresh_cells() { state_.field->set_occupancy(state_.occupancy.cells()); }
+
+    void refresh_occupancy() {
+        const std::int64_t i = state_.iteration;
+        if (i == 0 || i % refresh_interval != 0) return;
+        // Doubling intervals at first: everything changes then.
+        const bool power = (i & (i - 1)) == 0 && i <= 1024;
+        if (power) {
+            state_.occupancy.refresh_all(*state_.field, state_.random);
+        } else {
+            state_.occupancy.refresh_some(*state_.field, state_.random);
+        }
+        refresh_cells();
+    }
+
+    void iterate() {
+        refresh_occupancy();
+        const RayBatch batch = draw_rays(data_.train, state_.rays, state_.random);
+        const Tensor background = random_colors(batch.rays.size(), state_.random);
+        MarchOptions march;
+        march.step = options_.step;
+        march.jitter = &state_.random;
+        const Samples samples = sample_visible(*state_.field, batch.rays, march).samples;
+        const double error = fit(batch, background, samples);
+        const bool good = std::isfinite(error) && state_.optimizer.step(*state_.field, rate());
+        count_step(good, error);
+        adapt_rays(samples.size());
+        ++state_.iteration;
+    }
+
+    // Forward and backward; returns the mean squared error.
+    double fit(const RayBatch& batch, const Tensor& background, const Samples& samples) {
+        const RadianceField& field = *state_.field;
+        const auto medium = field.density(samples.positions);
+        const Tensor color = field.color(medium.features, batch.rays.directions.index_select(0, samples.ray));
+        const CompositeOut view = composite(samples.start, samples.delta, samples.t, medium.density, color);
+        at::NoGradGuard no_grad;
+        const Tensor alpha = batch.colors.narrow(1, 3, 1);
+        const Tensor target = batch.colors.narrow(1, 0, 3) * alpha + background * (1 - alpha);
+        const Tensor difference = view.color + view.transmittance.unsqueeze(1) * background - target;
+        const Tensor color_grad = difference * (2.0 / static_cast<double>(difference.numel()));
+        const Tensor transmittance_grad = (color_grad * background).sum(1);
+        if (view.color.requires_grad() && samples.size() > 0) {
+            at::AutoGradMode grad_mode(true);
+            torch::autograd::backward({view.color, view.transmittance}, {color_grad, transmittance_grad});
+        }
+        return difference.square().mean().item<double>();
+    }
+
+    void count_step(bool good, double error) {
+        if (good) {
+            in_a_row_ = 0;
+            state_.rate_scale = std::min(1.0, state_.rate_scale * 1.01);
+            state_.error = state_.iteration == 0 ? error : 0.95 * state_.error + 0.05 * error;
+            return;
+        }
+        ++state_.skipped;
+        state_.rate_scale *= 0.5;
+        for (const auto& [name, parameter] : state_.field->parameters()) parameter.mutable_grad().reset();
+        if (++in_a_row_ < most_skipped_in_a_row) return;
+        save();
+        failure(
+            "training diverged: {} steps in a row had NaN or infinite gradients (iteration {}); the last good state is "
+            "{}",
+            in_a_row_, state_.iteration,
+            checkpoint_.empty() ? "lost: no checkpoint was asked for" : checkpoint_.string());
+    }
+
+    void adapt_rays(std::int64_t samples) {
+        const double factor =
+            static_cast<double>(options_.samples) / static_cast<double>(std::max<std::int64_t>(samples, 1));
+        const double wanted = static_cast<double>(state_.rays) * std::clamp(factor, 0.5, 2.0);
+        state_.rays = std::clamp<std::int64_t>(static_cast<std::int64_t>(wanted), 64, options_.samples);
+    }
+
+    void tell() {
+        last_told_ = state_.seconds;
+        const double done = std::min(share(), 1.0);
+        Json event{{"event", "progress"},
+                   {"iteration", state_.iteration},
+                   {"loss", state_.error},
+                   {"psnr", psnr_of(state_.error)},
+                   {"eta_s", done > 0 ? state_.seconds * (1 - done) / done : 0.0}};
+        const double total = options_.iterations
+                                 ? static_cast<double>(*options_.iterations)
+                                 : std::ceil(static_cast<double>(state_.iteration) / std::max(done, 1e-9));
+        event["total"] = static_cast<std::int64_t>(total);
+        reporter_.event(event);
+    }
+
+    void save() {
+        if (checkpoint_.empty()) return;
+        save_checkpoint(checkpoint_, state_, run_description());
+        last_saved_ = state_.seconds;
+    }
+
+    double measured_psnr() const {
+        const ImageSet& set = data_.validation.cameras.empty() ? data_.train : data_.validation;
+        const std::size_t count = std::min<std::size_t>(4, set.cameras.size());
+        double total = 0;
+        RenderOptions options;
+        options.march.step = options_.step;
+        for (std::size_t i = 0; i < count; ++i) {
+            const Camera& camera = set.cameras[i];
+            const Rays rays = rays_of_view(camera);
+            const RenderedView view =
+                render_view(*state_.field, {rays.origins, rays.directions}, camera.height, camera.width, options);
+            const Tensor pixels = set.pixels[i].to(at::kFloat) / 255;
+            const Tensor rgb = pixels.narrow(2, 0, 3);
+            const Tensor alpha = pixels.size(2) == 4 ? pixels.select(2, 3) : at::ones_like(pixels.select(2, 0));
+            const Tensor target = over_background_color(rgb * alpha.unsqueeze(2), alpha, {1, 1, 1});
+            const Tensor shown = over_background_color(view.color, view.alpha, {1, 1, 1}).clamp(0, 1);
+            total += psnr_of((shown - target).square().mean().item<double>());
+        }
+        return total / static_cast<double>(count);
+    }
+
+    TrainResult finish() {
+        save();
+        state_.occupancy.refresh_all(*state_.field, state_.random);
+        refresh_cells();
+        state_.field->freeze();
+        return {state_.field, {state_.iteration, state_.skipped, state_.seconds, measured_psnr(), peak_mib()}};
+    }
+
+    const TrainingData& data_;
+    const TrainOptions& options_;
+    const Reporter& reporter_;
+    const std::filesystem::path checkpoint_;
+    TrainState state_;
+    Stopwatch watch_;
+    double before_ = 0, last_saved_ = 0, last_told_ = 0;
+    int in_a_row_ = 0;
+};
+
+}  // namespace
+
+void TrainOptions::check() const {
+    preset_minutes(quality);
+    if (minutes && iterations) input_error("give --minutes or --iterations, not both");
+    if (minutes && !(*minutes > 0 && std::isfinite(*minutes)))
+        input_error("minutes must be positive, not {}", *minutes);
+    if (iterations && *iterations < 1) input_error("iterations must be at least 1, not {}", *iterations);
+    if (samples < 256 || samples > (1 << 24)) input_error("samples an iteration must be 256 to 2^24, not {}", samples);
+    if (!(rate > 0 && rate <= 1)) input_error("the learning rate must lie in (0, 1], not {}", rate);
+    if (!(rate_end > 0 && rate_end <= 1)) input_error("the rate's final factor must lie in (0, 1], not {}", rate_end);
+    if (!(step >= 0)) input_error("the march's step must be positive, not {}", step);
+    if (occupancy_resolution < 1 || occupancy_resolution > 1024) {
+        input_error("the occupancy resolution must be 1 to 1024, not {}", occupancy_resolution);
+    }
+}
+
+Json TrainReport::to_json() const {
+    return {
+        {"iterations", iterations}, {"skipped", skipped}, {"seconds", seconds}, {"psnr", psnr}, {"peak_mib", peak_mib}};
+}
+
+TrainResult train_field(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,
+                        const std::filesystem::path& checkpoint, bool resume) {
+    options.check();
+    data.check();
+    Trainer trainer(data, options, reporter, checkpoint);
+    if (resume) trainer.resume();
+    return trainer.run();
+}
+
+TrainResult train_field(const Scene& scene, const TrainOptions& options, const Reporter& reporter,
+                        const std::filesystem::path& checkpoint, bool resume) {
+    return train_field(training_data_of(scene), options, reporter, checkpoint, resume);
+}
+
+}  // namespace fieldgraft

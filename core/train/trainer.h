@@ -1,0 +1,59 @@
+// Fitting a radiance field to images (Mildenhall et al. 2020, with the hash encoding of Müller et al. 2022).
+//
+// Every iteration: random rays over all training pixels; the samples they can see (a pass without gradients); forward
+// and backward on these; one step of Adam. The loss is the mean squared error of sRGB colours, prediction and target
+// both composited on the same random colour a ray, so that transparent parts become transparent and opaque ones opaque.
+// The number of rays follows the number of visible samples, near `samples` an iteration. The learning rate falls
+// exponentially from rate to rate·rate_end over the run: by iterations, or by time when `minutes` is given.
+//
+// By iterations nothing depends on the clock: same seed, machine and number of threads give the same bits, resumed or
+// not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after saving. A
+// NaN or infinite gradient leaves the step out and halves the rate for a while; eight in a row throw Failure, last good
+// state saved.
+#pragma once
+
+#include <filesystem>
+#include <optional>
+
+#include "core/base/progress.h"
+#include "core/field/radiance_field.h"
+#include "core/train/training_data.h"
+
+namespace fieldgraft {
+
+struct TrainOptions {
+    std::optional<double> minutes;           // how long, or
+    std::optional<std::int64_t> iterations;  // how many; neither: the preset's minutes
+    std::string quality = "preview";         // draft 1, preview 3, final 10 minutes
+    std::uint64_t seed = 0;
+    HashFieldConfig field;
+    std::int64_t samples = 1 << 16;  // visible samples an iteration aims at
+    double rate = 1e-2, rate_end = 0.03;
+    double step = 0;  // of the march, model units; 0: the box diagonal / 1024
+    int occupancy_resolution = 128;
+    double checkpoint_seconds = 30;
+
+    // Throws InputError with one line. Called by train_field.
+    void check() const;
+};
+
+struct TrainReport {
+    std::int64_t iterations = 0, skipped = 0;
+    double seconds = 0;
+    double psnr = 0;      // of the validation views (four at most), or of training views if there are none
+    double peak_mib = 0;  // of the process
+    Json to_json() const;
+};
+
+struct TrainResult {
+    std::shared_ptr<RadianceField> field;  // frozen, with its occupancy
+    TrainReport report;
+};
+
+// `checkpoint` empty: none is written. With `resume` a missing checkpoint is an InputError.
+TrainResult train_field(const TrainingData& data, const TrainOptions& options, const Reporter& reporter = {},
+                        const std::filesystem::path& checkpoint = {}, bool resume = false);
+TrainResult train_field(const Scene& scene, const TrainOptions& options, const Reporter& reporter = {},
+                        const std::filesystem::path& checkpoint = {}, bool resume = false);
+
+}  // namespace fieldgraft
