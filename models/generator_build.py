@@ -3,8 +3,8 @@
 `load()` takes the module that the project's build left in build/release/models if it is newer than the sources;
 otherwise it builds it with CMake into build/generator. `python models/generator_build.py` only builds;
 `python models/generator_build.py --heldout-hash` prints the hash that pins the held-out test (models/generator/
-heldout.sha256): SHA-256 over the bytes of heldout_settings.json and of the first 64 held-out pairs' pictures and
-captions.
+heldout.sha256): SHA-256 over the bytes of heldout_settings.json and of the first 64 held-out pairs' pictures,
+captions, queries and masks.
 """
 
 from __future__ import annotations
@@ -79,6 +79,8 @@ def heldout_hash() -> str:
     digest.update(batch["images"].tobytes())
     for pair in batch["captions"]:
         digest.update("\n".join(pair).encode())
+    digest.update(batch["masks"].tobytes())
+    digest.update(repr(batch["queries"]).encode())
     return digest.hexdigest()
 
 

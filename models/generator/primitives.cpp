@@ -93,8 +93,13 @@ bool hit_torus(const Primitive& p, Vec3 o, Vec3 d, float t_min, Hit& hit) {
     const float a = dot(d, d), b = dot(o, d), c = dot(o, o) - outer * outer;
     const float disc = b * b - a * c;
     if (disc < 0.0f) return false;
-    const float root = std::sqrt(disc), end = (-b + root) / a;
-    float t = std::max((-b - root) / a, t_min);
+    const float root = std::sqrt(disc);
+    float t = std::max((-b - root) / a, t_min), end = (-b + root) / a;
+    if (d.z != 0.0f) {  // the slab |z| <= minor radius
+        const float near = (-o.z - std::copysign(p.shape, d.z)) / d.z, far = (-o.z + std::copysign(p.shape, d.z)) / d.z;
+        t = std::max(t, near);
+        end = std::min(end, far);
+    }
     for (int step = 0; step < 32 && t < end; ++step) {
         const Vec3 q = o + d * t;
         const float distance = torus_distance(q, p.shape);

@@ -20,18 +20,18 @@ class Asker {
         std::vector<Query> list;
         list.push_back(first_of({&Asker::object}));
         list.push_back(first_of({&Asker::part, &Asker::object}));
-        list.push_back(rng_.chance(0.75f) ? first_of({&Asker::ground, &Asker::part, &Asker::object})
-                                          : first_of({&Asker::object}));
+        list.push_back(rng_.chance(0.9f) ? first_of({&Asker::ground, &Asker::part, &Asker::object})
+                                         : first_of({&Asker::object}));
         list.push_back(first_of({&Asker::absent}));
         list.push_back(rng_.chance(0.75f) ? first_of({&Asker::attribute, &Asker::part, &Asker::object})
                                           : first_of({&Asker::absent}));
         const float last = rng_.uniform();
-        if (last < 0.3f)
+        if (last < 0.25f)
             list.push_back(photo());
-        else if (last < 0.65f)
-            list.push_back(first_of({&Asker::addition, &Asker::part, &Asker::object}));
+        else if (last < 0.8f)
+            list.push_back(first_of({&Asker::addition, &Asker::part, &Asker::absent}));
         else
-            list.push_back(first_of({&Asker::part, &Asker::absent}));
+            list.push_back(first_of({&Asker::absent}));
         return list;
     }
 

@@ -63,7 +63,7 @@ void build_boat(Builder& b) {
     b.box(kHull, {-0.2f, 0, h}, {0.72f, w, h});
     b.wedge(kHull, {0.82f, 0, h * 0.0f + h}, {0.3f, w * 0.75f, h}, rotation_y(kPi) * rotation_z(kPi));
     b.gable(kHull, {0.86f, 0, h * 1.45f}, {w, h * 0.55f, 0.34f}, Mat3{{0, 1, 0}, {0, 0, 1}, {1, 0, 0}});
-    b.box(kBody, {-0.15f, 0, 2 * h}, {0.7f, w * 0.82f, 0.025f})->shade = 0.7f;
+    b.box(kDeck, {-0.15f, 0, 2 * h}, {0.7f, w * 0.82f, 0.025f})->shade = 0.7f;
     const int style = b.rng.below(3);
     const float mast = b.rng.uniform(1.2f, 1.7f);
     if (style != 1) {  // sailing boat
@@ -210,7 +210,7 @@ std::vector<ShapeInfo> vehicle_shapes() {
           {kMast, .7f, bit(kBrown) | bit(kBlack) | bit(kWhite), true},
           {kCab, .7f, bit(kWhite) | bit(kRed), true},
           {kChimney, .7f, bit(kBlack) | bit(kRed) | bit(kYellow), false},
-          {kBody, .5f, bit(kBrown), false},
+          {kDeck, .5f, bit(kBrown), false},
           windows},
          build_boat},
         {"plane",

@@ -42,8 +42,8 @@ enum Material : int {
     X(Wings, "wings") X(Tail, "tail") X(Propeller, "propeller") X(Engine, "engine") X(Exhaust, "exhaust pipe") \
     X(Bumper, "bumper") X(Lights, "headlights") X(Cargo, "cargo bed") X(Mesh, "mesh") X(Top, "table top") \
     X(Points, "points") X(Flames, "flames") X(Pot, "pot") X(Blanket, "blanket") X(Face, "face") X(Frame, "frame") \
-    X(Rungs, "crossbars") X(Muzzle, "muzzle") X(Lift, "lift arms") X(Petals, "petals") X(Fruit, "fruit") X(Flag, "flag") \
-    X(Towers, "towers") X(Beak, "beak") X(Skins, "drumheads")
+    X(Rungs, "crossbars") X(Muzzle, "muzzle") X(Lift, "lift arms") X(Petals, "petals") X(Fruit, "fruit") \
+    X(Flag, "flag") X(Towers, "towers") X(Beak, "beak") X(Deck, "deck") X(Skins, "drumheads")
 // clang-format on
 
 enum Part : int {

@@ -52,6 +52,24 @@ void add_flames(World& world, const std::vector<Primitive>& body, int16_t object
     }
 }
 
+// Appends the object's paints; returns, for each part, the index of its paint. The first paint is the main one.
+std::vector<int16_t> add_paints(World& world, const ObjectSpec& spec) {
+    const auto main_paint = static_cast<int16_t>(world.paints.size());
+    const Rng paint_rng = Rng(spec.seed).fork(12);
+    world.paints.push_back(make_paint(spec.material, spec.colour, spec.colour2, spec.lightness, paint_rng));
+    std::vector<int16_t> part_paint(kParts, main_paint);
+    for (const PartPaint& p : spec.paints) {
+        part_paint[static_cast<size_t>(p.part)] = static_cast<int16_t>(world.paints.size());
+        // Rust, moss, snow and fire cover the parts too; all else gives way to plain paint.
+        const bool cover = spec.material >= kRusty && spec.material <= kBurning;
+        Paint paint = make_paint(cover ? spec.material : kPlain, p.colour, -1, 0,
+                                 paint_rng.fork(100 + static_cast<uint64_t>(p.part)));
+        paint.amount = world.paints[static_cast<size_t>(main_paint)].amount;
+        world.paints.push_back(paint);
+    }
+    return part_paint;
+}
+
 void add_object(World& world, const ObjectSpec& spec) {
     const ShapeInfo& info = shape_info(spec.shape);
     Builder builder(Rng(spec.seed).fork(11), spec.absent);
@@ -71,18 +89,7 @@ void add_object(World& world, const ObjectSpec& spec) {
     world.objects.push_back(object);
 
     const auto main_paint = static_cast<int16_t>(world.paints.size());
-    const Rng paint_rng = Rng(spec.seed).fork(12);
-    world.paints.push_back(make_paint(spec.material, spec.colour, spec.colour2, spec.lightness, paint_rng));
-    std::vector<int16_t> part_paint(kParts, main_paint);
-    for (const PartPaint& p : spec.paints) {
-        part_paint[static_cast<size_t>(p.part)] = static_cast<int16_t>(world.paints.size());
-        // Rust, moss, snow and fire cover the parts too; all else gives way to plain paint.
-        const bool cover = spec.material >= kRusty && spec.material <= kBurning;
-        Paint paint = make_paint(cover ? spec.material : kPlain, p.colour, -1, 0,
-                                 paint_rng.fork(100 + static_cast<uint64_t>(p.part)));
-        paint.amount = world.paints[static_cast<size_t>(main_paint)].amount;
-        world.paints.push_back(paint);
-    }
+    const std::vector<int16_t> part_paint = add_paints(world, spec);
     // A tilted object is lifted so that it stands on the ground.
     const Vec3 middle{0, 0, built.half.z};
     std::vector<Primitive> body;
@@ -198,6 +205,26 @@ World build_world(const SceneSpec& spec) {
     return world;
 }
 
+namespace {
+
+// A key light roughly from behind the camera, a weak fill light, and an ambient term that makes up for a weak key.
+void draw_lights(View& v, float azimuth, Rng& rng) {
+    const float key_azimuth = azimuth + 1.25f * rng.bell(), key_height = rng.uniform(0.45f, 1.4f);
+    v.key_direction = {cosine(key_height) * cosine(key_azimuth), cosine(key_height) * sine(key_azimuth),
+                       sine(key_height)};
+    const float warm = 0.08f * rng.bell(), strength = rng.uniform(0.35f, 0.85f);
+    v.key = Vec3{1 + warm, 1, 1 - warm} * strength;
+    const float fill_azimuth = rng.uniform(0, 2 * kPi);
+    v.fill_direction = normalized({cosine(fill_azimuth), sine(fill_azimuth), 0.4f});
+    v.fill = Vec3{1, 1, 1} * rng.uniform(0.05f, 0.3f);
+    v.ambient = Vec3{1 - warm * 0.5f, 1, 1 + warm * 0.5f} * (rng.uniform(0.85f, 1.02f) - strength * 0.75f);
+    const float sky = rng.uniform(0.45f, 1.0f);
+    v.sky = {sky * rng.uniform(0.85f, 1.0f), sky * rng.uniform(0.92f, 1.0f), sky};
+    v.horizon = Vec3{1, 1, 1} * rng.uniform(0.02f, 0.14f);
+}
+
+}  // namespace
+
 View make_view(uint64_t seed, const Settings& s, Vec3 low, Vec3 high) {
     View v;
     Rng rng = Rng(seed).fork(31);
@@ -224,18 +251,7 @@ View make_view(uint64_t seed, const Settings& s, Vec3 low, Vec3 high) {
     v.shift_x = room * rng.uniform(-1, 1);
     v.shift_y = room * rng.uniform(-1, 1);
 
-    const float key_azimuth = azimuth + 1.25f * rng.bell(), key_height = rng.uniform(0.45f, 1.4f);
-    v.key_direction = {cosine(key_height) * cosine(key_azimuth), cosine(key_height) * sine(key_azimuth),
-                       sine(key_height)};
-    const float warm = 0.08f * rng.bell(), strength = rng.uniform(0.35f, 0.85f);
-    v.key = Vec3{1 + warm, 1, 1 - warm} * strength;
-    const float fill_azimuth = rng.uniform(0, 2 * kPi);
-    v.fill_direction = normalized({cosine(fill_azimuth), sine(fill_azimuth), 0.4f});
-    v.fill = Vec3{1, 1, 1} * rng.uniform(0.05f, 0.3f);
-    v.ambient = Vec3{1 - warm * 0.5f, 1, 1 + warm * 0.5f} * (rng.uniform(0.85f, 1.02f) - strength * 0.75f);
-    const float sky = rng.uniform(0.45f, 1.0f);
-    v.sky = {sky * rng.uniform(0.85f, 1.0f), sky * rng.uniform(0.92f, 1.0f), sky};
-    v.horizon = Vec3{1, 1, 1} * rng.uniform(0.02f, 0.14f);
+    draw_lights(v, azimuth, rng);
     v.shadows = rng.chance(s.shadows);
     v.exposure = rng.uniform(0.82f, 1.06f);
     v.blur = rng.chance(s.blurred) ? rng.uniform(0.3f, 1.0f) : 0.0f;
