@@ -120,10 +120,13 @@ Scene Scene::load(const fs::path& path, const SceneOptions& options) {
     std::vector<TransformsFile> files;
     for (const auto& [file, split] : camera_files(path)) files.push_back(read_transforms(file, split, needed));
 
-    // One placement for all splits, whichever are wanted, by the training cameras of the first file.
+    // One placement for all splits, whichever are wanted, by all cameras of the first file.
     std::vector<Camera> placing;
-    for (const FileFrame& frame : files.front().frames)
-        if (frame.split == files.front().frames.front().split || files.size() == 1) placing.push_back(frame.camera);
+    bool placing_alpha = false;
+    for (const FileFrame& frame : files.front().frames) {
+        placing.push_back(frame.camera);
+        placing_alpha = placing_alpha || frame.has_alpha;
+    }
     for (TransformsFile& file : files) {
         for (const FileFrame& frame : file.frames) {
             if (!needed(frame.split)) continue;
@@ -135,9 +138,11 @@ Scene Scene::load(const fs::path& path, const SceneOptions& options) {
     if (scene.views_.empty())
         input_error("{}: no views of the split{} {}; leave the choice out or choose another", path.string(),
                     options.splits.size() > 1 ? "s" : "", joined(options.splits));
-    if (placing.empty())
+    if (placing.empty()) {
         for (const View& view : scene.views_) placing.push_back(view.camera);
-    const Placement placement = place_scene(files.front(), placing, scene.has_alpha_);
+        placing_alpha = scene.has_alpha_;
+    }
+    const Placement placement = place_scene(files.front(), placing, placing_alpha);
     for (View& view : scene.views_) view.camera = transformed(view.camera, placement.file_to_model);
     scene.frame_ = compose(placement.file_to_model, files.front().applied);
     scene.bounds_ = options.box ? mapped_box(*options.box, scene.frame_) : placement.box;

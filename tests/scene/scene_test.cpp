@@ -114,6 +114,21 @@ TEST(NerfstudioScene, AlphaMakesTheBoxHoldWhatIsSeen) {
     EXPECT_NEAR(scene.radius_range()[1], 8 * 1.5 / 4.8, 2e-3);
 }
 
+// A field is trained with one choice of splits and rendered with another: the frame must be the same, mixed images or
+// not.
+TEST(NerfstudioScene, TheFrameDoesNotDependOnTheSplitsRead) {
+    const TempFolder folder;
+    write_json(folder / "transforms.json", nerfstudio_file(folder.path(), 17));
+    write_plain_image(folder / "images/1003.png", 12, 8, 4);
+    SceneOptions train, test;
+    train.splits = {"train"};
+    test.splits = {"test"};
+    const Scene scene = Scene::load(folder.path());
+    EXPECT_EQ(Scene::load(folder.path(), train).frame(), scene.frame());
+    EXPECT_EQ(Scene::load(folder.path(), test).frame(), scene.frame());
+    EXPECT_FALSE(Scene::load(folder.path(), test).has_alpha());
+}
+
 TEST(NerfstudioScene, MeanUpBecomesZUnlessOverridden) {
     const TempFolder folder;
     Json file = nerfstudio_file(folder.path(), 8, {0, 0, 0});
