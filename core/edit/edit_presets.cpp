@@ -1,0 +1,82 @@
+// The presets: the paper's two back ends, and the built-in guide's.
+#include <spdlog/fmt/ranges.h>
+
+#include "core/base/errors.h"
+#include "core/edit/edit_spec.h"
+
+namespace fieldgraft {
+
+namespace {
+
+// Blending-NeRF, appendix D: 3000 iterations change or remove, 4000 add with change, 5000 add alone.
+int paper_iterations(const Operations& operations) {
+    if (!operations.add) return 3000;
+    return operations.change ? 4000 : 5000;
+}
+
+void set_paper_mlp(EditSpec& spec) {
+    spec.patch = 72;
+    spec.learning_rate = 5e-4;
+    spec.nominal_iterations = paper_iterations(spec.operations);
+    spec.weights["reg"] = 0.2;
+    spec.reg_from = 1000;
+    spec.resolutions = {16, 32, 64, 128};
+}
+
+void set_paper_hash(EditSpec& spec) {
+    spec.patch = 128;
+    spec.learning_rate = 1e-3;
+    spec.nominal_iterations = 2000;
+    spec.weights["reg"] = 1.0;
+    spec.resolutions = {16, 32, 64, 128};
+}
+
+void set_builtin(EditSpec& spec) {
+    spec.weights = {{"dir", 2},    {"global", 0.25}, {"global_edit", 0}, {"region", 1},
+                    {"inside", 1}, {"opacity", 2},   {"reg", 0.5},       {"smooth", 0.1}};
+    // Shares of the region: without an upper limit a small object never reaches a share of the frame.
+    spec.tau = {
+        .add = 0.8, .remove = 1.0, .change = 1.0, .add_start = 1.0, .change_start = 1.0, .relative_to_region = true};
+    spec.region_fusion = RegionFusion::fused;
+    spec.confine = true;
+    spec.patch = 64;
+    spec.augmentations = 8;
+    spec.zoom = {1.0, 1.5};
+    spec.camera_pool = 96;
+    spec.removed = RemovedMap::visible;
+    spec.resolutions = {8, 16, 32};
+    spec.learning_rate = 1e-2;
+    spec.learning_rate_end = 1e-3;
+    spec.learning_rate_iterations = 400;
+    spec.nominal_iterations = 600;
+}
+
+}  // namespace
+
+const std::vector<std::string>& EditSpec::known_presets() {
+    static const std::vector<std::string> names{"builtin", "paper-mlp", "paper-hash"};
+    return names;
+}
+
+EditSpec EditSpec::from_preset(const std::string& name, const Operations& operations) {
+    EditSpec spec;
+    spec.preset = name;
+    spec.operations = operations;
+    spec.weights = {{"dir", 1},    {"global", 0.5}, {"global_edit", 0.5}, {"region", 1},
+                    {"inside", 1}, {"opacity", 2},  {"reg", 0.2},         {"smooth", 0}};
+    spec.region_fusion = RegionFusion::view;
+    spec.confine = false;
+    if (name == "paper-mlp") {
+        set_paper_mlp(spec);
+    } else if (name == "paper-hash") {
+        set_paper_hash(spec);
+    } else if (name == "builtin") {
+        set_builtin(spec);
+    } else {
+        input_error("--preset: there is no preset \"{}\"; the known ones are {}", name,
+                    fmt::join(known_presets(), ", "));
+    }
+    return spec;
+}
+
+}  // namespace fieldgraft

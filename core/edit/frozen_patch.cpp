@@ -1,0 +1,111 @@
+#include "core/edit/frozen_patch.h"
+
+#include "core/edit/mask_ops.h"
+#include "core/edit/ray_sums.h"
+#include "core/edit/segmentation.h"
+#include "core/edit/vote_grid.h"
+#include "core/scene/patch_sampler.h"
+
+namespace fieldgraft {
+
+namespace {
+
+constexpr std::size_t most_bytes = 1'500'000'000;
+
+std::size_t bytes_of(const FrozenPatch& patch) {
+    std::size_t total = 0;
+    for (const Tensor* tensor :
+         {&patch.samples.start, &patch.samples.ray, &patch.samples.positions, &patch.samples.t, &patch.samples.delta,
+          &patch.density, &patch.color, &patch.acting, &patch.image, &patch.opacity})
+        total += tensor->nbytes();
+    return total;
+}
+
+// The pixels that look into `cells` before the base has swallowed half the light.
+Tensor sees_cells(const FrozenPatch& patch, const Tensor& cells, const FieldGeometry& geometry) {
+    const Tensor cell = cell_of(geometry, static_cast<int>(cells.size(0)), patch.samples.positions);
+    const Tensor inside = cells.reshape(-1).index_select(0, cell.clamp_min(0)).to(at::kBool).logical_and(cell >= 0);
+    const Tensor lit =
+        transmittance_before(patch.samples.start, patch.samples.ray, patch.samples.delta, patch.density) > 0.5;
+    return sum_over_rays(inside.logical_and(lit).to(at::kFloat), patch.samples.ray, patch.opacity.size(0)) > 0.5;
+}
+
+}  // namespace
+
+Tensor FrozenPatch::over(const Tensor& background) const {
+    return (image + (1 - opacity).unsqueeze(1) * background).reshape({size, size, 3});
+}
+
+PatchSource::PatchSource(const BaseMedium& base, const EditCameras& cameras, const EditSpec& spec, const EditPlan& plan,
+                         const EditRegion& region, Guidance& guide)
+    : base_(base), cameras_(cameras), spec_(spec), plan_(plan), region_(region), guide_(guide) {}
+
+const FrozenPatch& PatchSource::patch(std::uint64_t number) {
+    if (const auto found = kept_.find(number); found != kept_.end()) return found->second;
+    Random random(spec_.seed, 1000 + number);
+    const Camera camera = cameras_.draw(random);
+    const Patch pixels = sample_patch(camera.width, camera.height, spec_.patch, random);
+    const Rays rays = rays_through_pixels(camera, pixels.pixels());
+    // Masks the user has drawn correct the segmenter's once every five iterations (Blending-NeRF, appendix E).
+    const bool drawn_turn = !spec_.masks.empty() && number % 5 == 4;
+    FrozenPatch patch = make({rays.origins, rays.directions}, spec_.patch, plan_.segmenter_per_view && !drawn_turn);
+    const std::size_t size = bytes_of(patch);
+    if (spec_.camera_pool == 0 || kept_bytes_ + size > most_bytes) {
+        kept_.clear();
+        kept_bytes_ = 0;
+    }
+    kept_bytes_ += size;
+    return kept_[number] = std::move(patch);
+}
+
+FrozenPatch PatchSource::view(const Camera& camera, int size) const {
+    const Rays rays = rays_of_view(square(camera, size));
+    return make({rays.origins, rays.directions}, size, false);
+}
+
+FrozenPatch PatchSource::make(const RayBundle& rays, int size, bool per_view_mask) const {
+    at::NoGradGuard no_gradients;
+    BaseQuery query;
+    query.extra_cells = region_.volume;
+    query.acting_cells = region_.confine;
+    query.removable = plan_.operations.remove;
+    BaseSamples base = base_.sample(rays, query);
+    FrozenPatch patch;
+    patch.size = size;
+    patch.samples = base.samples;
+    patch.density = base.density;
+    patch.color = base.color;
+    const Tensor weight = sample_weights(base.samples.start, base.samples.ray, base.samples.delta, base.density);
+    patch.image = sum_over_rays(weight.unsqueeze(1) * base.color, base.samples.ray, rays.size());
+    patch.opacity = sum_over_rays(weight, base.samples.ray, rays.size()).clamp(0, 1);
+    // Where only colours change, a sample that carries next to nothing of its pixel need not be asked.
+    const Tensor asked = plan_.geometry_fixed ? base.acting.logical_and(weight > 1e-3) : base.acting;
+    patch.acting = asked.nonzero().squeeze(1);
+    const int dilations = spec_.dilations();
+    if (per_view_mask) {
+        const Tensor picture = patch.over(at::ones({3}));
+        const Tensor mask = segment_difference(guide_, picture, spec_.segmented_text()) > 0;
+        patch.masks = region_masks(mask, dilations, size);
+    } else if (region_.score.defined()) {
+        patch.masks =
+            region_masks(region_mask(patch, weight), region_.volume.defined() ? 0 : dilations, dilations, size);
+    } else {
+        const Tensor none = at::zeros({size, size}, at::kBool);
+        patch.masks = {none, none};
+    }
+    patch.area = patch.masks.positive.sum().item<double>();
+    return patch;
+}
+
+Tensor PatchSource::region_mask(const FrozenPatch& patch, const Tensor& weight) const {
+    Tensor mask = at::zeros({patch.opacity.size(0)}, at::kBool);
+    if (region_.on_surface) {
+        const Tensor score = sample_grid(region_.score, base_.geometry(), patch.samples.positions);
+        const Tensor shown = sum_over_rays(weight * (score > 0.5), patch.samples.ray, patch.opacity.size(0));
+        mask = (shown > 0.5 * patch.opacity).logical_and(patch.opacity > 0.3);
+    }
+    if (region_.volume.defined()) mask = mask.logical_or(sees_cells(patch, region_.volume, base_.geometry()));
+    return mask.reshape({patch.size, patch.size});
+}
+
+}  // namespace fieldgraft

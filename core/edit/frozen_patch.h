@@ -1,0 +1,60 @@
+// What stays as it is while an edit trains: one view of the base (the field, with the edits below this one), sampled
+// once.
+//
+// The base's samples, densities and colours along S×S rays, the picture they give, and the masks M₊ and M₋ of this
+// view. None of it carries a gradient. A training patch depends on the seed and its own number only, so that a pool of
+// patches can be kept, dropped and made again, and a resumed run sees the same ones.
+//
+// Masks: with a fused region, a pixel is in M where more than half of what it shows lies in the region's cells, or
+// where it looks into cells that density may be added to. With RegionFusion::view, M is the segmenter's own for this
+// picture.
+#pragma once
+
+#include <map>
+
+#include "core/edit/base_medium.h"
+#include "core/edit/edit_cameras.h"
+#include "core/edit/edit_plan.h"
+#include "core/edit/losses.h"
+#include "core/edit/region_finder.h"
+
+namespace fieldgraft {
+
+struct FrozenPatch {
+    int size = 0;           // S
+    Samples samples;        // of S² rays, row by row
+    Tensor density, color;  // N, N×3
+    Tensor acting;          // int64, the samples at which g is evaluated; it counts as 0 at the others
+    Tensor image, opacity;  // S²×3 without background, S²
+    RegionMasks masks;      // S×S
+    double area = 0;        // of M₊, pixels
+
+    Tensor over(const Tensor& background) const;  // S×S×3: the base's picture over a colour
+};
+
+class PatchSource {
+  public:
+    // `region` and `guide` must outlive the source. spec.camera_pool patches are kept, at most 1.5 GB of them.
+    PatchSource(const BaseMedium& base, const EditCameras& cameras, const EditSpec& spec, const EditPlan& plan,
+                const EditRegion& region, Guidance& guide);
+
+    // Training patch `number`: the same for the same seed and number.
+    const FrozenPatch& patch(std::uint64_t number);
+    // The whole view as size×size pixels, with fused masks (none where regions are found per view).
+    FrozenPatch view(const Camera& camera, int size) const;
+
+  private:
+    FrozenPatch make(const RayBundle& rays, int size, bool per_view_mask) const;
+    Tensor region_mask(const FrozenPatch& patch, const Tensor& weight) const;
+
+    const BaseMedium& base_;
+    const EditCameras& cameras_;
+    EditSpec spec_;
+    EditPlan plan_;
+    const EditRegion& region_;
+    Guidance& guide_;
+    std::map<std::uint64_t, FrozenPatch> kept_;
+    std::size_t kept_bytes_ = 0;
+};
+
+}  // namespace fieldgraft

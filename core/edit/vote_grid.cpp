@@ -1,0 +1,123 @@
+#include "core/edit/vote_grid.h"
+
+#include <stdexcept>
+
+#include "core/base/errors.h"
+
+namespace fieldgraft {
+
+namespace {
+
+void check_points(const Tensor& points) {
+    if (!points.defined() || points.dim() != 2 || points.size(1) != 3)
+        throw std::invalid_argument("vote grid: points must be N×3");
+}
+
+// Box-relative coordinates in [0, 1].
+Tensor normalised(const FieldGeometry& geometry, const Tensor& points) {
+    check_points(points);
+    const auto& low = geometry.box_min;
+    const auto& high = geometry.box_max;
+    const Tensor origin = at::tensor({low[0], low[1], low[2]}, points.options());
+    const Tensor size = at::tensor({high[0] - low[0], high[1] - low[1], high[2] - low[2]}, points.options());
+    return (points - origin) / size;
+}
+
+int cube_resolution(const Tensor& grid) {
+    if (!grid.defined() || grid.dim() != 3 || grid.size(0) != grid.size(1) || grid.size(1) != grid.size(2))
+        throw std::invalid_argument("vote grid: an R×R×R grid is expected");
+    return static_cast<int>(grid.size(0));
+}
+
+// Sum over the 3×3×3 neighbourhood.
+Tensor neighbourhood_sum(const Tensor& grid) {
+    return at::avg_pool3d(grid.unsqueeze(0).unsqueeze(0), 3, 1, 1, false, true).squeeze(0).squeeze(0) * 27;
+}
+
+}  // namespace
+
+Tensor cell_of(const FieldGeometry& geometry, int resolution, const Tensor& points) {
+    const Tensor relative = normalised(geometry, points);
+    const Tensor inside = (relative >= 0).logical_and(relative < 1).all(1);
+    const Tensor cell = (relative * resolution).floor().to(at::kLong).clamp(0, resolution - 1);
+    const Tensor flat = (cell.select(1, 2) * resolution + cell.select(1, 1)) * resolution + cell.select(1, 0);
+    return at::where(inside, flat, at::full_like(flat, -1));
+}
+
+Tensor cell_centres(const FieldGeometry& geometry, int resolution) {
+    std::array<Tensor, 3> axis;
+    for (int a = 0; a < 3; ++a) {
+        const double size = (geometry.box_max[a] - geometry.box_min[a]) / resolution;
+        axis[a] = ((at::arange(resolution, at::kDouble) + 0.5) * size + geometry.box_min[a]).to(at::kFloat);
+    }
+    const std::vector<Tensor> zyx = at::meshgrid({axis[2], axis[1], axis[0]}, "ij");
+    return at::stack({zyx[2].reshape(-1), zyx[1].reshape(-1), zyx[0].reshape(-1)}, 1);
+}
+
+Tensor sample_grid(const Tensor& grid, const FieldGeometry& geometry, const Tensor& points) {
+    cube_resolution(grid);
+    if (points.size(0) == 0) return at::zeros({0}, grid.options());
+    const Tensor where = (normalised(geometry, points) * 2 - 1).to(grid.scalar_type()).reshape({1, 1, 1, -1, 3});
+    return at::grid_sampler_3d(grid.unsqueeze(0).unsqueeze(0), where, 0, 0, false).reshape(-1);
+}
+
+Tensor resample_cells(const Tensor& cells, int resolution) {
+    const int have = cube_resolution(cells);
+    if (have == resolution) return cells;
+    // Coarser: a cell counts if any of its parts does; finer: every part of a cell that does.
+    const Tensor whole = cells.to(at::kFloat).unsqueeze(0).unsqueeze(0);
+    if (have > resolution) {
+        const Tensor pooled = std::get<0>(at::adaptive_max_pool3d(whole, {resolution, resolution, resolution}));
+        return (pooled.squeeze(0).squeeze(0) > 0.5).to(at::kByte);
+    }
+    const Tensor index = ((at::arange(resolution, at::kDouble) + 0.5) * have / resolution).floor().to(at::kLong);
+    return cells.index_select(0, index).index_select(1, index).index_select(2, index);
+}
+
+Tensor grow_cells(const Tensor& cells, int radius) {
+    cube_resolution(cells);
+    if (radius <= 0) return cells;
+    const int width = 2 * radius + 1;
+    Tensor grown = at::constant_pad_nd(cells.to(at::kFloat).unsqueeze(0).unsqueeze(0),
+                                       {radius, radius, radius, radius, radius, radius}, 0);
+    grown = at::max_pool3d(grown, {width, 1, 1}, {1, 1, 1});
+    grown = at::max_pool3d(grown, {1, width, 1}, {1, 1, 1});
+    grown = at::max_pool3d(grown, {1, 1, width}, {1, 1, 1});
+    return (grown.squeeze(0).squeeze(0) > 0.5).to(at::kByte);
+}
+
+VoteGrid::VoteGrid(const FieldGeometry& geometry, int resolution) : geometry_(geometry), resolution_(resolution) {
+    if (resolution < 2 || resolution > 512)
+        throw std::invalid_argument(fmt::format("VoteGrid: resolution {}", resolution));
+    votes_ = at::zeros({resolution, resolution, resolution});
+    weight_ = at::zeros_like(votes_);
+}
+
+void VoteGrid::add(const Tensor& points, const Tensor& votes, const Tensor& weights) {
+    check_points(points);
+    if (votes.sizes() != weights.sizes() || votes.dim() != 1 || votes.size(0) != points.size(0))
+        throw std::invalid_argument("VoteGrid::add: votes and weights must be N, like the points");
+    const Tensor flat = cell_of(geometry_, resolution_, points);
+    const Tensor kept = (flat >= 0).nonzero().squeeze(1);
+    const Tensor index = flat.index_select(0, kept);
+    const Tensor weight = weights.index_select(0, kept).to(at::kFloat);
+    weight_.view(-1).index_add_(0, index, weight);
+    votes_.view(-1).index_add_(0, index, weight * votes.index_select(0, kept).to(at::kFloat));
+}
+
+Tensor VoteGrid::score(int reach) const {
+    // A cell that hardly anything was seen of says as little as one that was not seen.
+    constexpr float least = 0.05f;
+    Tensor known = (weight_ > least).to(at::kFloat);
+    Tensor score = votes_ / weight_.clamp_min(least) * known;
+    for (int layer = 0; layer < reach; ++layer) {
+        const Tensor count = neighbourhood_sum(known);
+        const Tensor fresh = (count > 0.5).logical_and(known < 0.5).to(at::kFloat);
+        if (fresh.sum().item<float>() == 0) break;
+        score = score + fresh * neighbourhood_sum(score * known) / count.clamp_min(1);
+        known = known + fresh;
+    }
+    return score.clamp(0, 1);
+}
+
+}  // namespace fieldgraft

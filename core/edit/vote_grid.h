@@ -1,0 +1,44 @@
+// Votes of several views about where a text (or a user's mask) is, gathered in a grid of cells over the field's box.
+//
+// A view votes at the points its pixels see: pixel value v ∈ [0, 1] at every sample, weighted by the sample's share of
+// the pixel, w = T α. The score of a cell is Σ w v / Σ w. One view's mistake is outvoted by the views that see the same
+// cell; cells inside a body, which no view sees, take the mean of their neighbours' scores, layer by layer.
+//
+// Grids are R×R×R (z, y, x) over the box, model coordinates; points N×3 float32. Nothing here is differentiable.
+#pragma once
+
+#include "core/base/torch.h"
+#include "core/field/geometry.h"
+
+namespace fieldgraft {
+
+// The flat cell index (z·R + y)·R + x of every point, −1 outside the box: N int64.
+Tensor cell_of(const FieldGeometry& geometry, int resolution, const Tensor& points);
+// Centres of all cells, R³×3, in flat order.
+Tensor cell_centres(const FieldGeometry& geometry, int resolution);
+// Trilinear value of a float R×R×R grid at the points (0 outside the box), cell centres being the nodes: N.
+Tensor sample_grid(const Tensor& grid, const FieldGeometry& geometry, const Tensor& points);
+// The grid's cells that hold `cells` of another resolution (nearest): R×R×R uint8.
+Tensor resample_cells(const Tensor& cells, int resolution);
+// Cells within `radius` cells (a cube), uint8 in and out.
+Tensor grow_cells(const Tensor& cells, int radius);
+
+class VoteGrid {
+  public:
+    VoteGrid(const FieldGeometry& geometry, int resolution);
+
+    // votes and weights: N; points outside the box are ignored.
+    void add(const Tensor& points, const Tensor& votes, const Tensor& weights);
+    // R×R×R in [0, 1]; 0 where neither a vote nor `reach` layers of neighbours say anything.
+    Tensor score(int reach) const;
+    // Σ w of every cell.
+    const Tensor& weight() const { return weight_; }
+    int resolution() const { return resolution_; }
+
+  private:
+    FieldGeometry geometry_;
+    int resolution_;
+    Tensor votes_, weight_;  // R³ float32
+};
+
+}  // namespace fieldgraft

@@ -1,0 +1,67 @@
+// The vote grid: cells, trilinear look-up, majority of views, filling what no view sees.
+#include "core/edit/vote_grid.h"
+
+#include <gtest/gtest.h>
+
+namespace fieldgraft {
+namespace {
+
+FieldGeometry box() {
+    FieldGeometry geometry;
+    geometry.box_min = {-1, -2, 0};
+    geometry.box_max = {1, 2, 8};
+    return geometry;
+}
+
+TEST(VoteGrid, CellsAreZYXOverTheBox) {
+    const Tensor points =
+        at::tensor({-0.9f, -1.9f, 0.1f, 0.9f, -1.9f, 0.1f, 0.9f, 1.9f, 7.9f, 1.1f, 0.0f, 1.0f}).reshape({4, 3});
+    const Tensor cells = cell_of(box(), 4, points);
+    EXPECT_TRUE(at::equal(cells, at::tensor({0, 3, 63, -1}, at::kLong)));
+    const Tensor centres = cell_centres(box(), 4);
+    EXPECT_TRUE(at::equal(cell_of(box(), 4, centres), at::arange(64)));
+}
+
+TEST(VoteGrid, TrilinearLookUpIsExactForALinearFunction) {
+    const Tensor centres = cell_centres(box(), 8);
+    const Tensor weights = at::tensor({0.5f, -0.25f, 0.125f});
+    const Tensor grid = (centres.matmul(weights) + 1).reshape({8, 8, 8});
+    const Tensor points = at::tensor({0.3f, -0.7f, 3.3f, -0.6f, 1.2f, 6.1f}).reshape({2, 3});
+    EXPECT_LT((sample_grid(grid, box(), points) - points.matmul(weights) - 1).abs().max().item<float>(), 1e-5f);
+    EXPECT_EQ(sample_grid(grid, box(), at::full({1, 3}, 20.0f)).item<float>(), 0.0f);
+    EXPECT_EQ(sample_grid(grid, box(), at::zeros({0, 3})).numel(), 0);
+}
+
+TEST(VoteGrid, ViewsOutvoteOneAnother) {
+    VoteGrid votes(box(), 4);
+    const Tensor point = at::zeros({1, 3}) + at::tensor({0.1f, 0.1f, 0.1f});
+    for (int view = 0; view < 5; ++view) votes.add(point, at::full({1}, view < 4 ? 1.0f : 0.0f), at::full({1}, 0.5f));
+    EXPECT_NEAR(votes.score(0).max().item<float>(), 0.8f, 1e-6);
+    EXPECT_NEAR(votes.weight().sum().item<float>(), 2.5f, 1e-6);
+    EXPECT_THROW(votes.add(point, at::ones({2}), at::ones({2})), std::invalid_argument);
+}
+
+TEST(VoteGrid, UnseenCellsTakeTheirNeighboursScores) {
+    VoteGrid votes(box(), 8);
+    const Tensor centres = cell_centres(box(), 8);
+    const Tensor seen = centres.select(1, 2) < 1;  // the lowest layer
+    votes.add(centres.index({seen}), (centres.index({seen}).select(1, 0) > 0).to(at::kFloat), at::ones({64}));
+    EXPECT_EQ(votes.score(0).slice(0, 1).sum().item<float>(), 0.0f);
+    const Tensor reached = votes.score(2);
+    EXPECT_GT(reached[2][4][6].item<float>(), 0.9f);
+    EXPECT_LT(reached[2][4][1].item<float>(), 0.1f);
+    EXPECT_EQ(reached[3].sum().item<float>(), 0.0f);
+    EXPECT_LE(reached.max().item<float>(), 1.0f);
+}
+
+TEST(VoteGrid, GrowingAndResampling) {
+    Tensor cells = at::zeros({8, 8, 8}, at::kByte);
+    cells[4][4][4] = 1;
+    EXPECT_EQ(grow_cells(cells, 1).sum().item<int>(), 27);
+    EXPECT_EQ(resample_cells(cells, 16).sum().item<int>(), 8);
+    EXPECT_EQ(resample_cells(cells, 4).sum().item<int>(), 1);
+    EXPECT_EQ(resample_cells(cells, 4)[2][2][2].item<int>(), 1);
+}
+
+}  // namespace
+}  // namespace fieldgraft
