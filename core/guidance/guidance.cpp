@@ -1,5 +1,7 @@
 #include "core/guidance/guidance.h"
 
+#include <ATen/cpu/Utils.h>
+
 #include <algorithm>
 #include <mutex>
 #include <stdexcept>
@@ -54,6 +56,15 @@ struct Guidance::Model {
         return tokenizer.encode(text_, config.text.max_position_embeddings);
     }
 };
+
+torch::ScalarType fastest_image_type() {
+    const auto capabilities = at::cpu::get_cpu_capabilities();
+    const auto has = [&](const char* name) {
+        const auto found = capabilities.find(name);
+        return found != capabilities.end() && found->second.isBool() && found->second.toBool();
+    };
+    return has("avx512_bf16") || has("amx_bf16") ? torch::kBFloat16 : torch::kFloat;
+}
 
 Guidance::Guidance() = default;
 Guidance::~Guidance() = default;

@@ -22,10 +22,13 @@ namespace fieldgraft {
 
 struct GuidanceOptions {
     torch::Device device = torch::kCPU;
-    // The image tower's type: kFloat, kBFloat16 (faster where the processor has it; cosine to float32 about 0.999), or
-    // kDouble.
+    // The image tower's type: kFloat, kBFloat16 (fastest_image_type(): about a third of the time where the processor
+    // has it), or kDouble.
     torch::ScalarType image_type = torch::kFloat;
 };
+
+// kBFloat16 where the processor computes it in hardware (AVX-512-BF16 or AMX), else kFloat.
+torch::ScalarType fastest_image_type();
 
 class Guidance {
   public:

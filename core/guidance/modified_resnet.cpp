@@ -1,4 +1,5 @@
 #include <algorithm>
+#include <cmath>
 
 #include "core/base/errors.h"
 #include "core/guidance/vision_tower.h"
@@ -11,7 +12,8 @@ FoldedConv FoldedConv::load(const Weights& weights, const std::string& conv, con
     const Tensor weight = exact.take(conv + ".weight", {out, in, kernel, kernel});
     const Tensor scale = exact.take(norm + ".weight", {out}) / (exact.take(norm + ".running_var", {out}) + 1e-5).sqrt();
     const Tensor bias = exact.take(norm + ".bias", {out}) - exact.take(norm + ".running_mean", {out}) * scale;
-    return {(weight * scale.view({-1, 1, 1, 1})).to(weights.type()), bias.to(weights.type()), stride, kernel / 2};
+    return {(weight * scale.view({-1, 1, 1, 1})).to(weights.type()).contiguous(at::MemoryFormat::ChannelsLast),
+            bias.to(weights.type()), stride, kernel / 2};
 }
 
 Tensor FoldedConv::operator()(const Tensor& x) const {
@@ -19,7 +21,7 @@ Tensor FoldedConv::operator()(const Tensor& x) const {
 }
 
 Tensor ModifiedResNet::Bottleneck::operator()(const Tensor& x) const {
-    Tensor inner = at::relu(conv2(at::relu(conv1(x))));
+    Tensor inner = conv2(conv1(x).relu_()).relu_();
     Tensor outer = x;
     // Average pooling where a plain ResNet would stride: no pixel is dropped.
     if (stride > 1) {
@@ -27,7 +29,7 @@ Tensor ModifiedResNet::Bottleneck::operator()(const Tensor& x) const {
         outer = at::avg_pool2d(outer, stride);
     }
     if (shortcut.weight.defined()) outer = shortcut(outer);
-    return at::relu(conv3(inner) + outer);
+    return (conv3(inner) + outer).relu_();
 }
 
 ModifiedResNet::Bottleneck ModifiedResNet::load_block(const Weights& weights, int in, int planes, int stride) {
@@ -58,7 +60,7 @@ ModifiedResNet::ModifiedResNet(const Weights& weights, const VisionConfig& confi
         }
     }
     const int side = config.image_size / (config.stem_pool ? 32 : 16);
-    const Weights pool = in.below("attnpool.");
+    const Weights pool = in.below("attnpool.").as(weights.type() == torch::kDouble ? torch::kDouble : torch::kFloat);
     positions_ = pool.take("positional_embedding", {1 + side * side, deepest});
     q_ = Linear::load(pool, "q_proj", deepest, deepest);
     k_ = Linear::load(pool, "k_proj", deepest, deepest);
@@ -67,8 +69,9 @@ ModifiedResNet::ModifiedResNet(const Weights& weights, const VisionConfig& confi
 }
 
 std::vector<Tensor> ModifiedResNet::stages(const Tensor& pixels, int last) const {
-    Tensor x = pixels.to(positions_.scalar_type());
-    for (const FoldedConv& conv : stem_) x = at::relu(conv(x));
+    // Channels last: the convolutions' own layout on a CPU, a third faster.
+    Tensor x = pixels.to(stem_[0].weight.scalar_type()).contiguous(at::MemoryFormat::ChannelsLast);
+    for (const FoldedConv& conv : stem_) x = conv(x).relu_();
     std::vector<Tensor> out{x};
     if (stem_pool_) x = at::avg_pool2d(x, 2);
     for (int stage = 0; stage < last; ++stage) {
@@ -78,17 +81,23 @@ std::vector<Tensor> ModifiedResNet::stages(const Tensor& pixels, int last) const
     return out;
 }
 
-// The mean over positions asks, all positions and the mean answer.
+// The mean over positions asks, all positions and the mean answer. As there is one question, it goes through the keys'
+// weights rather than every token through them (q·(K x) = (Kᵀq)·x; the keys' bias drops out of the softmax), and the
+// values' weights are applied to the weighted mean of the tokens: HW times less work than attention as it is written.
 Tensor ModifiedResNet::pool(const Tensor& x) const {
-    const Tensor flat = x.flatten(2).transpose(1, 2);  // N×HW×C
-    const Tensor tokens = at::cat({flat.mean(1, true), flat}, 1) + positions_;
-    const Tensor first = tokens.narrow(1, 0, 1);
-    return c_(attention(q_(first), k_(tokens), v_(tokens), heads_)).squeeze(1);
+    const Tensor flat = x.flatten(2).transpose(1, 2).to(positions_.scalar_type());  // N×HW×C
+    const Tensor tokens = at::cat({flat.mean(1, true), flat}, 1) + positions_;      // N×L×C
+    const std::int64_t count = x.size(0), width = tokens.size(2), depth = width / heads_;
+    const Tensor q = q_(tokens.select(1, 0)).view({count, heads_, depth}).transpose(0, 1);       // H×N×d
+    const Tensor asked = at::matmul(q, k_.weight.view({heads_, depth, width})).transpose(0, 1);  // N×H×C
+    const Tensor scores = at::matmul(asked, tokens.transpose(1, 2)) / std::sqrt(static_cast<double>(depth));
+    const Tensor seen = at::matmul(at::softmax(scores, -1), tokens).transpose(0, 1);                 // H×N×C
+    const Tensor values = at::matmul(seen, v_.weight.view({heads_, depth, width}).transpose(1, 2));  // H×N×d
+    return c_(values.transpose(0, 1).reshape({count, width}) + v_.bias);
 }
 
 Tensor ModifiedResNet::embed(const Tensor& pixels) const {
-    const Tensor out = pool(stages(pixels, 4).back());
-    return out.scalar_type() == torch::kDouble ? out : out.to(torch::kFloat);
+    return pool(stages(pixels, 4).back());
 }
 
 std::vector<Tensor> ModifiedResNet::activations(const Tensor& pixels, const std::vector<int>& taps) const {
