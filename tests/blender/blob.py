@@ -30,8 +30,22 @@ def grids() -> tuple[np.ndarray, np.ndarray]:
     r2 = x * x + y * y / 0.8 + z * z / 0.6
     density = 8.0 * np.maximum(0.0, 1.0 - r2 / 0.55)
     color = np.stack([0.5 + 0.5 * np.sin(5 * x), 0.5 + 0.5 * np.sin(4 * y), 0.5 + 0.4 * np.cos(6 * z)], axis=-1)
-    color[r2 >= 0.9] = 0.0
+    color = filled(color.astype(np.float32), density > 0.0, rounds=2)
     return density.astype(np.float16).astype(np.float64), color.astype(np.float16).astype(np.float64)
+
+
+def filled(color: np.ndarray, known: np.ndarray, rounds: int) -> np.ndarray:
+    """Voxels that touch a coloured one get the mean of their coloured neighbours, round by round; 0 further out."""
+    color = np.where(known[..., None], color, 0.0)
+    for _ in range(rounds):
+        wide_color, wide_known = np.pad(color, [(1, 1)] * 3 + [(0, 0)]), np.pad(known, 1)
+        total, count = np.zeros_like(color), np.zeros(known.shape)
+        for x, y, z in np.ndindex(3, 3, 3):
+            near = (slice(x, x + COUNT), slice(y, y + COUNT), slice(z, z + COUNT))
+            total, count = total + wide_color[near], count + wide_known[near]
+        color = np.where(known[..., None], color, total / np.maximum(count, 1)[..., None])
+        known = count > 0
+    return color
 
 
 def _trilinear(grid: np.ndarray, index: np.ndarray) -> np.ndarray:
