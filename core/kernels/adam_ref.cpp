@@ -16,10 +16,17 @@ template <class T>
 struct Rule {
     T b1, c1, b2, c2, rate, inverse2, epsilon;
 
-    void update(T g, T& p, T& m, T& v) const {
-        m = b1 * m + c1 * g;
-        v = b2 * v + c2 * g * g;
-        p -= rate * m / (std::sqrt(v * inverse2) + epsilon);
+    // No branch: where `keep` says so the old values are written back, and the loop over a run is vectorised.
+    template <bool skip_zero>
+    void update(std::int64_t count, const T* g, T* p, T* m, T* v) const {
+        for (std::int64_t i = 0; i < count; ++i) {
+            const bool keep = skip_zero && g[i] == 0;
+            const T m_new = b1 * m[i] + c1 * g[i], v_new = b2 * v[i] + c2 * g[i] * g[i];
+            const T p_new = p[i] - rate * m_new / (std::sqrt(v_new * inverse2) + epsilon);
+            p[i] = keep ? p[i] : p_new;
+            m[i] = keep ? m[i] : m_new;
+            v[i] = keep ? v[i] : v_new;
+        }
     }
 };
 
@@ -51,10 +58,11 @@ void adam_step(const AdamStep& step, std::span<const T> grad, std::span<T> param
     parallel_for(static_cast<std::int64_t>(n), entries_per_task, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t first = begin; first < end; first += run) {
             const std::int64_t last = first + run < end ? first + run : end;
-            if (step.skip_zero && all_zero(grad.data() + first, last - first)) continue;
-            for (std::int64_t i = first; i < last; ++i) {
-                if (step.skip_zero && grad[i] == 0) continue;
-                rule.update(grad[i], parameters[i], m[i], v[i]);
+            const T* g = grad.data() + first;
+            if (!step.skip_zero) {
+                rule.template update<false>(last - first, g, &parameters[first], &m[first], &v[first]);
+            } else if (!all_zero(g, last - first)) {
+                rule.template update<true>(last - first, g, &parameters[first], &m[first], &v[first]);
             }
         }
     });

@@ -2,9 +2,9 @@
 //
 //   m = β1 m + (1 − β1) g,  v = β2 v + (1 − β2) g²,  p −= rate · (m / (1 − β1^t)) / (√(v / (1 − β2^t)) + ε)
 //
-// skip_zero leaves every entry whose gradient is exactly 0 as it is, moments too: hash-table entries that no sample of this
-// step touched keep their history instead of fading (and cost one read). t counts steps from 1. Entries are independent:
-// bits do not depend on how they are split between threads.
+// skip_zero leaves every entry whose gradient is exactly 0 as it is, moments too: hash-table entries that no sample of
+// this step touched keep their history instead of fading (and cost one read). t counts steps from 1. Entries are
+// independent: bits do not depend on how they are split between threads.
 #pragma once
 
 #include <cstdint>

@@ -67,8 +67,8 @@ void backward_ray(const CompositeInput<T>& in, std::int64_t first, std::int64_t 
 }  // namespace
 
 template <class T>
-void composite_forward(const CompositeInput<T>& input, std::span<T> color, std::span<T> transmittance, std::span<T> depth,
-                       const ParallelFor& parallel_for) {
+void composite_forward(const CompositeInput<T>& input, std::span<T> color, std::span<T> transmittance,
+                       std::span<T> depth, const ParallelFor& parallel_for) {
     check(input);
     const std::int64_t rays = static_cast<std::int64_t>(input.start.size()) - 1;
     parallel_for(rays, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
@@ -92,10 +92,10 @@ void composite_backward(const CompositeInput<T>& input, std::span<const T> color
     });
 }
 
-#define FIELDGRAFT_INSTANTIATE(T)                                                                                     \
-    template void composite_forward<T>(const CompositeInput<T>&, std::span<T>, std::span<T>, std::span<T>,            \
-                                       const ParallelFor&);                                                           \
-    template void composite_backward<T>(const CompositeInput<T>&, std::span<const T>, std::span<const T>,             \
+#define FIELDGRAFT_INSTANTIATE(T)                                                                          \
+    template void composite_forward<T>(const CompositeInput<T>&, std::span<T>, std::span<T>, std::span<T>, \
+                                       const ParallelFor&);                                                \
+    template void composite_backward<T>(const CompositeInput<T>&, std::span<const T>, std::span<const T>,  \
                                         std::span<T>, std::span<T>, const ParallelFor&);
 FIELDGRAFT_INSTANTIATE(float)
 FIELDGRAFT_INSTANTIATE(double)

@@ -3,9 +3,9 @@
 //   a_k = min(σ_k δ_k, 1e30)   T_k = exp(−Σ_{j<k} a_j)   α_k = −expm1(−a_k)   w_k = T_k α_k
 //   color = Σ w_k c_k    transmittance = exp(−Σ a_k)    depth = Σ w_k t_k / Σ w_k (0 on a ray without weight)
 //
-// Layout: ray r owns samples start[r] … start[r+1]−1, nearest first; colours N×3 and R×3 row-major; lengths in model units.
-// Differentiable in density and colour, through color and transmittance; depth is not differentiated.
-// Backward is a reverse recurrence: ∂L/∂a_k = T_{k+1} (g·c_k − B_k), B_{k−1} = α_k g·c_k + (1 − α_k) B_k, B_K = g_T: nothing
+// Layout: ray r owns samples start[r] … start[r+1]−1, nearest first; colours N×3 and R×3 row-major; lengths in model
+// units. Differentiable in density and colour, through color and transmittance; depth is not differentiated. Backward
+// is a reverse recurrence: ∂L/∂a_k = T_{k+1} (g·c_k − B_k), B_{k−1} = α_k g·c_k + (1 − α_k) B_k, B_K = g_T: nothing
 // cancels behind an opaque sample. Depth sums are kept in double; relative error of T ≤ 1e-6 (1 + A) in float, A = Σ a.
 // Rays are split between threads; bits do not depend on the split.
 #pragma once
@@ -26,8 +26,8 @@ struct CompositeInput {
 };
 
 template <class T>
-void composite_forward(const CompositeInput<T>& input, std::span<T> color, std::span<T> transmittance, std::span<T> depth,
-                       const ParallelFor& parallel_for);
+void composite_forward(const CompositeInput<T>& input, std::span<T> color, std::span<T> transmittance,
+                       std::span<T> depth, const ParallelFor& parallel_for);
 
 // density_grad N and color_grad N×3 are written, not added to.
 template <class T>

@@ -4,6 +4,7 @@
 #include <array>
 #include <cassert>
 #include <cmath>
+#include <cstring>
 #include <stdexcept>
 #include <string>
 
@@ -25,22 +26,25 @@ template <class T>
 inline void axis_cell(T position, int resolution, std::uint32_t& cell, T& fraction) {
     // NaN fails both comparisons of the clamp's first half and lands in cell 0.
     const T scaled = position * static_cast<T>(resolution);
-    const T bounded = scaled > T(0) ? (scaled < static_cast<T>(resolution) ? scaled : static_cast<T>(resolution)) : T(0);
+    const T bounded =
+        scaled > T(0) ? (scaled < static_cast<T>(resolution) ? scaled : static_cast<T>(resolution)) : T(0);
     const int lower = std::min(static_cast<int>(bounded), resolution - 1);
     cell = static_cast<std::uint32_t>(lower);
     fraction = bounded - static_cast<T>(lower);
 }
 
 template <class T, bool dense>
-void find_corners(const HashGridLevel& level, const T* x, const T* y, const T* z, int count, Corners<T>& corners) {
-    const std::uint32_t side = static_cast<std::uint32_t>(level.resolution) + 1;
+void find_corners(const HashGridLevel& level, const T* __restrict x, const T* __restrict y, const T* __restrict z,
+                  int count, Corners<T>& __restrict corners) {
+    const int resolution = level.resolution;  // a copy: what is written below cannot change it, so the loop vectorises
+    const std::uint32_t side = static_cast<std::uint32_t>(resolution) + 1;
     const std::uint32_t mask = level.entries - 1;
     for (int i = 0; i < count; ++i) {
         std::uint32_t cx, cy, cz;
         T fx, fy, fz;
-        axis_cell(x[i], level.resolution, cx, fx);
-        axis_cell(y[i], level.resolution, cy, fy);
-        axis_cell(z[i], level.resolution, cz, fz);
+        axis_cell(x[i], resolution, cx, fx);
+        axis_cell(y[i], resolution, cy, fy);
+        axis_cell(z[i], resolution, cz, fz);
         const std::uint32_t y0 = dense ? cy * side : cy * prime_y, y1 = y0 + (dense ? side : prime_y);
         const std::uint32_t z0 = dense ? cz * side * side : cz * prime_z, z1 = z0 + (dense ? side * side : prime_z);
         const std::array<std::uint32_t, 4> rest{dense ? y0 + z0 : y0 ^ z0, dense ? y1 + z0 : y1 ^ z0,
@@ -88,15 +92,34 @@ void for_each_group(const HashGridLevel& level, std::span<const T> positions, co
     }
 }
 
+// An entry's features in one register where their number allows it.
+template <class T, int F>
+struct Entry {
+    static constexpr bool packed = (F & (F - 1)) == 0;
+    typedef T Vector __attribute__((vector_size(sizeof(T) * (packed ? F : 1))));
+    Vector values[packed ? 1 : F] = {};
+
+    static Entry load(const T* from) {
+        Entry entry;
+        std::memcpy(&entry.values, from, sizeof(T) * F);
+        return entry;
+    }
+    void store(T* to) const { std::memcpy(to, &values, sizeof(T) * F); }
+    void add(T weight, const Entry& other) {
+        for (std::size_t i = 0; i < std::size(values); ++i) values[i] += weight * other.values[i];
+    }
+    T operator[](int f) const { return packed ? values[0][f] : values[packed ? 0 : f][0]; }
+};
+
 template <class T, int F>
 void forward_level(const HashGridLevel& level, const T* entries, std::span<const T> positions, T* rows) {
     const std::size_t n = positions.size() / 3;
     for_each_group<T>(level, positions, entries, F, [&](std::size_t first, int count, const Corners<T>& corners) {
         for (int i = 0; i < count; ++i) {
-            T sum[F] = {};
+            Entry<T, F> sum;
             for (int c = 0; c < 8; ++c) {
                 const T* entry = entries + std::size_t{corners.entry[c][i]} * F;
-                for (int f = 0; f < F; ++f) sum[f] += corners.weight[c][i] * entry[f];
+                sum.add(corners.weight[c][i], Entry<T, F>::load(entry));
             }
             for (int f = 0; f < F; ++f) rows[f * n + first + i] = sum[f];
         }
@@ -108,11 +131,14 @@ void backward_level(const HashGridLevel& level, std::span<const T> positions, co
     const std::size_t n = positions.size() / 3;
     for_each_group<T>(level, positions, entries, F, [&](std::size_t first, int count, const Corners<T>& corners) {
         for (int i = 0; i < count; ++i) {
-            T grad[F];
-            for (int f = 0; f < F; ++f) grad[f] = rows[f * n + first + i];
+            T features[F];
+            for (int f = 0; f < F; ++f) features[f] = rows[f * n + first + i];
+            const Entry<T, F> grad = Entry<T, F>::load(features);
             for (int c = 0; c < 8; ++c) {
-                T* entry = entries + std::size_t{corners.entry[c][i]} * F;
-                for (int f = 0; f < F; ++f) entry[f] += corners.weight[c][i] * grad[f];
+                T* place = entries + std::size_t{corners.entry[c][i]} * F;
+                Entry<T, F> entry = Entry<T, F>::load(place);
+                entry.add(corners.weight[c][i], grad);
+                entry.store(place);
             }
         }
     });
@@ -122,14 +148,22 @@ void backward_level(const HashGridLevel& level, std::span<const T> positions, co
 template <class Body>
 void with_features(int features, Body body) {
     switch (features) {
-        case 1: return body(std::integral_constant<int, 1>{});
-        case 2: return body(std::integral_constant<int, 2>{});
-        case 3: return body(std::integral_constant<int, 3>{});
-        case 4: return body(std::integral_constant<int, 4>{});
-        case 5: return body(std::integral_constant<int, 5>{});
-        case 6: return body(std::integral_constant<int, 6>{});
-        case 7: return body(std::integral_constant<int, 7>{});
-        case 8: return body(std::integral_constant<int, 8>{});
+        case 1:
+            return body(std::integral_constant<int, 1>{});
+        case 2:
+            return body(std::integral_constant<int, 2>{});
+        case 3:
+            return body(std::integral_constant<int, 3>{});
+        case 4:
+            return body(std::integral_constant<int, 4>{});
+        case 5:
+            return body(std::integral_constant<int, 5>{});
+        case 6:
+            return body(std::integral_constant<int, 6>{});
+        case 7:
+            return body(std::integral_constant<int, 7>{});
+        case 8:
+            return body(std::integral_constant<int, 8>{});
     }
     throw std::invalid_argument("features per level must be 1 to 8, not " + std::to_string(features));
 }
@@ -145,8 +179,9 @@ HashGrid make_hash_grid(int levels, int features, int log2_table_size, int base,
     require(features >= 1 && features <= 8, "features per level must be 1 to 8, not " + std::to_string(features));
     require(log2_table_size >= 1 && log2_table_size <= 28,
             "log2 of the table size must be 1 to 28, not " + std::to_string(log2_table_size));
-    require(base >= 1 && base <= finest && finest <= 1 << 20, "resolutions must obey 1 <= base <= finest <= 2^20, not " +
-                                                                  std::to_string(base) + " and " + std::to_string(finest));
+    require(base >= 1 && base <= finest && finest <= 1 << 20,
+            "resolutions must obey 1 <= base <= finest <= 2^20, not " + std::to_string(base) + " and " +
+                std::to_string(finest));
     HashGrid grid;
     grid.features = features;
     const double growth = levels > 1 ? std::exp(std::log(double(finest) / base) / (levels - 1)) : 1.0;
@@ -207,9 +242,9 @@ void hash_grid_backward(const HashGrid& grid, std::span<const HashGridChunk<T>> 
     });
 }
 
-#define FIELDGRAFT_INSTANTIATE(T)                                                                                    \
-    template void hash_grid_forward<T>(const HashGrid&, std::span<const T>, std::span<const T>, std::span<T>);       \
-    template void hash_grid_backward<T>(const HashGrid&, std::span<const HashGridChunk<T>>, std::span<T>,            \
+#define FIELDGRAFT_INSTANTIATE(T)                                                                              \
+    template void hash_grid_forward<T>(const HashGrid&, std::span<const T>, std::span<const T>, std::span<T>); \
+    template void hash_grid_backward<T>(const HashGrid&, std::span<const HashGridChunk<T>>, std::span<T>,      \
                                         const ParallelFor&);
 FIELDGRAFT_INSTANTIATE(float)
 FIELDGRAFT_INSTANTIATE(double)

@@ -14,9 +14,17 @@ constexpr std::int64_t rays_per_task = 64;
 
 struct Ray {
     double origin[3], direction[3];
-    double first_t;  // t of sample 0
+    double first_t;                   // t of sample 0
+    double cell_steps[3];             // samples that fit into one cell's width along each axis; 0: parallel to it
     std::int64_t begin = 0, end = 0;  // samples whose t lies inside the box, by a hair more rather than less
 };
+
+// Cells per unit of length.
+std::array<double, 3> cell_density(const MarchGrid& grid) {
+    std::array<double, 3> density{};
+    for (int c = 0; c < 3; ++c) density[c] = grid.resolution / (grid.box_max[c] - grid.box_min[c]);
+    return density;
+}
 
 Ray enter_box(const MarchGrid& grid, const MarchRays& rays, std::int64_t r) {
     Ray ray;
@@ -25,6 +33,8 @@ Ray enter_box(const MarchGrid& grid, const MarchRays& rays, std::int64_t r) {
         ray.origin[c] = rays.origins[3 * r + c];
         ray.direction[c] = rays.directions[3 * r + c];
         const double inverse = 1.0 / ray.direction[c];
+        const double width = (grid.box_max[c] - grid.box_min[c]) / std::max(grid.resolution, 1);
+        ray.cell_steps[c] = ray.direction[c] == 0 ? 0.0 : width * inverse / rays.step;
         double a = (grid.box_min[c] - ray.origin[c]) * inverse, b = (grid.box_max[c] - ray.origin[c]) * inverse;
         if (a > b) std::swap(a, b);
         // 0 · inf is NaN when the ray runs inside a face's plane: no bound from that axis.
@@ -38,15 +48,14 @@ Ray enter_box(const MarchGrid& grid, const MarchRays& rays, std::int64_t r) {
     return ray;
 }
 
-// Distance along the ray to the far side of a cell of `cells` on each axis, from the point at grid coordinates p.
-double exit_distance(const MarchGrid& grid, const Ray& ray, const double* p, int cells_an_edge, int resolution) {
+// Samples until the ray leaves the cube of `extent` cells an edge that holds the point p (in cells).
+double steps_to_exit(const Ray& ray, const double* p, int extent) {
     double nearest = std::numeric_limits<double>::infinity();
     for (int c = 0; c < 3; ++c) {
-        if (ray.direction[c] == 0) continue;
-        const double lower = std::floor(p[c] / cells_an_edge) * cells_an_edge;
-        const double face = ray.direction[c] > 0 ? lower + cells_an_edge : lower;
-        const double width = (grid.box_max[c] - grid.box_min[c]) / resolution;
-        nearest = std::min(nearest, (face - p[c]) * width / ray.direction[c]);
+        if (ray.cell_steps[c] == 0) continue;
+        const int lower = static_cast<int>(p[c]) / extent * extent;  // p ≥ 0 inside the box
+        const double face = ray.cell_steps[c] > 0 ? lower + extent : lower;
+        nearest = std::min(nearest, (face - p[c]) * ray.cell_steps[c]);
     }
     return nearest;
 }
@@ -65,6 +74,7 @@ int empty_extent(const MarchGrid& grid, const double* p) {
 template <class Use>
 void walk(const MarchGrid& grid, const MarchRays& rays, std::int64_t r, Use use) {
     const Ray ray = enter_box(grid, rays, r);
+    const std::array<double, 3> density = cell_density(grid);
     for (std::int64_t k = ray.begin; k < ray.end;) {
         const double t = ray.first_t + static_cast<double>(k) * rays.step;
         float position[3];
@@ -73,13 +83,13 @@ void walk(const MarchGrid& grid, const MarchRays& rays, std::int64_t r, Use use)
         for (int c = 0; c < 3; ++c) {
             position[c] = static_cast<float>(ray.origin[c] + t * ray.direction[c]);
             inside = inside && position[c] >= grid.box_min[c] && position[c] <= grid.box_max[c];
-            p[c] = (position[c] - grid.box_min[c]) / (grid.box_max[c] - grid.box_min[c]) * grid.resolution;
+            p[c] = (position[c] - grid.box_min[c]) * density[c];
         }
         const int extent = inside && grid.resolution > 0 ? empty_extent(grid, p) : 0;
         if (inside && extent == 0) use(position, static_cast<float>(t));
         std::int64_t stride = 1;
         if (extent > 0) {
-            const double steps = exit_distance(grid, ray, p, extent, grid.resolution) / rays.step;
+            const double steps = steps_to_exit(ray, p, extent);
             stride = steps > 2 ? static_cast<std::int64_t>(std::min(steps, 1e9)) : 1;
         }
         k += stride;

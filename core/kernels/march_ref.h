@@ -1,11 +1,13 @@
 // Equal steps along rays through a box, skipping the empty cells of an occupancy grid: reference kernel.
 //
 // Sample k of a ray lies at t_k = near + (k + ½ + jitter)·step, kept when the point is inside the box and its cell is
-// occupied. The grid is R×R×R bytes over the box, z slowest (cell (x, y, z) at (z·R + y)·R + x); no grid: all is occupied.
-// Lengths in model units; origins and directions R×3 row-major, directions of length 1. Positions are N×3 row-major.
+// occupied. The grid is R×R×R bytes over the box, z slowest (cell (x, y, z) at (z·R + y)·R + x); no grid: all is
+// occupied. Lengths in model units; origins and directions R×3 row-major, directions of length 1. Positions are N×3
+// row-major.
 //
-// Empty cells (and 8×8×8 blocks of them) are crossed in one stride that lands at or before their far side, so the samples
-// are exactly those of the plain loop over k. Not differentiated. Count first, then fill: the layout needs the offsets.
+// Empty cells (and 8×8×8 blocks of them) are crossed in one stride that lands at or before their far side, so the
+// samples are exactly those of the plain loop over k. Not differentiated. Count first, then fill: the layout needs the
+// offsets.
 #pragma once
 
 #include <array>
@@ -19,9 +21,9 @@ namespace fieldgraft {
 
 struct MarchGrid {
     std::array<double, 3> box_min{}, box_max{};
-    int resolution = 0;                  // 0: no grid
-    std::span<const std::uint8_t> cells; // resolution³
-    std::vector<std::uint8_t> blocks;    // 1 where any cell of an 8×8×8 block is occupied; make_march_grid fills it
+    int resolution = 0;                   // 0: no grid
+    std::span<const std::uint8_t> cells;  // resolution³
+    std::vector<std::uint8_t> blocks;     // 1 where any cell of an 8×8×8 block is occupied; make_march_grid fills it
 };
 
 MarchGrid make_march_grid(const std::array<double, 3>& box_min, const std::array<double, 3>& box_max, int resolution,

@@ -86,11 +86,11 @@ void mlp_backward(const MlpShape& shape, const std::vector<std::span<const T>>& 
     if (!input_grad.empty()) std::copy(grad.begin(), grad.end(), input_grad.begin());
 }
 
-#define FIELDGRAFT_INSTANTIATE(T)                                                                                     \
-    template void mlp_forward<T>(const MlpShape&, const std::vector<std::span<const T>>&, std::span<const T>,         \
-                                 std::vector<std::vector<T>>&);                                                       \
-    template void mlp_backward<T>(const MlpShape&, const std::vector<std::span<const T>>&, std::span<const T>,        \
-                                  const std::vector<std::vector<T>>&, std::span<const T>,                             \
+#define FIELDGRAFT_INSTANTIATE(T)                                                                              \
+    template void mlp_forward<T>(const MlpShape&, const std::vector<std::span<const T>>&, std::span<const T>,  \
+                                 std::vector<std::vector<T>>&);                                                \
+    template void mlp_backward<T>(const MlpShape&, const std::vector<std::span<const T>>&, std::span<const T>, \
+                                  const std::vector<std::vector<T>>&, std::span<const T>,                      \
                                   const std::vector<std::span<T>>&, std::span<T>);
 FIELDGRAFT_INSTANTIATE(float)
 FIELDGRAFT_INSTANTIATE(double)

@@ -1,5 +1,5 @@
-// A small fully connected network without biases, ReLU between layers, none after the last: the plain-loop reference that
-// the field's matrix-product path is tested against.
+// A small fully connected network without biases, ReLU between layers, none after the last: the plain-loop reference
+// that the field's matrix-product path is tested against.
 //
 //   h_0 = x,  h_{i+1} = max(0, W_i h_i) for i < L−1,  y = W_{L−1} h_{L−1}
 //

@@ -1,8 +1,9 @@
 // How a kernel asks for threads without knowing any thread library.
 //
-// parallel_for(count, grain, body) calls body(begin, end) for disjoint ranges that cover [0, count), in any order, possibly
-// at once, and returns when all are done. Ranges shorter than `grain` are not split further. An exception thrown by body
-// reaches the caller. Kernels give the same bits for every way of splitting unless their header says otherwise.
+// parallel_for(count, grain, body) calls body(begin, end) for disjoint ranges that cover [0, count), in any order,
+// possibly at once, and returns when all are done. Ranges shorter than `grain` are not split further. An exception
+// thrown by body reaches the caller. Kernels give the same bits for every way of splitting unless their header says
+// otherwise.
 #pragma once
 
 #include <cstdint>

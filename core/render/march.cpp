@@ -49,89 +49,116 @@ Tensor draw_jitter(Random* random, std::int64_t rays) {
     return jitter;
 }
 
+// What one wave found: for its i-th ray samples offset[i] … offset[i + 1]−1 of density and features.
+struct Wave {
+    std::vector<std::int64_t> rays, offset;
+    Tensor density, features;
+};
+
 // The state of a march in depth waves: how far each ray has been looked at and what lies in front of that point.
-struct Waves {
+struct Front {
     const Samples& all;
-    Tensor density;                     // N of the full march, written wave by wave
-    Tensor features;                    // N×F
+    double depth_limit;
     std::vector<std::int64_t> reached;  // first sample of a ray that was not looked at
     std::vector<double> depth;          // optical depth in front of it
     std::vector<std::int64_t> visible;  // samples of a ray that can be seen
     std::vector<std::int64_t> active;   // rays that still see on
 };
 
-// Walks ray r's new samples [from, to): how many of them are visible, and whether light gets past them.
-bool advance_ray(Waves& waves, std::int64_t r, std::int64_t from, std::int64_t to, double depth_limit) {
-    const float *density = waves.density.const_data_ptr<float>(), *delta = waves.all.delta.const_data_ptr<float>();
-    double depth = waves.depth[r];
-    for (std::int64_t k = from; k < to; ++k) {
-        if (depth > depth_limit) break;
-        ++waves.visible[r];
+// Walks ray r's n new samples: how many of them are visible, and whether the ray goes on past them.
+bool advance_ray(Front& front, std::int64_t r, std::int64_t n, const float* density) {
+    const float* delta = front.all.delta.const_data_ptr<float>() + front.reached[r];
+    double depth = front.depth[r];
+    for (std::int64_t k = 0; k < n && depth <= front.depth_limit; ++k) {
+        ++front.visible[r];
         depth += std::min(static_cast<double>(density[k]) * delta[k], 1e30);
     }
-    waves.depth[r] = depth;
-    waves.reached[r] = to;
-    return depth <= depth_limit;
+    front.depth[r] = depth;
+    front.reached[r] += n;
+    return depth <= front.depth_limit && front.reached[r] < front.all.start.const_data_ptr<std::int64_t>()[r + 1];
 }
 
 // Evaluates the next `length` samples of every active ray, then keeps the rays that can see past them.
-void advance(Waves& waves, const RadianceField& field, std::int64_t length, double depth_limit) {
-    const std::int64_t* start = waves.all.start.const_data_ptr<std::int64_t>();
-    const std::int64_t count = static_cast<std::int64_t>(waves.active.size());
-    std::vector<std::int64_t> offset(count + 1, 0);
+Wave advance(Front& front, const RadianceField& field, std::int64_t length) {
+    const std::int64_t* start = front.all.start.const_data_ptr<std::int64_t>();
+    const std::int64_t count = static_cast<std::int64_t>(front.active.size());
+    Wave wave{front.active, std::vector<std::int64_t>(count + 1, 0), {}, {}};
     for (std::int64_t i = 0; i < count; ++i) {
-        const std::int64_t r = waves.active[i];
-        offset[i + 1] = offset[i] + std::min(length, start[r + 1] - waves.reached[r]);
+        const std::int64_t r = wave.rays[i];
+        wave.offset[i + 1] = wave.offset[i] + std::min(length, start[r + 1] - front.reached[r]);
     }
-    Tensor positions = at::empty({offset[count], 3}, at::kFloat);
-    const float* source = waves.all.positions.const_data_ptr<float>();
+    Tensor positions = at::empty({wave.offset[count], 3}, at::kFloat);
+    const float* source = front.all.positions.const_data_ptr<float>();
     float* target = positions.mutable_data_ptr<float>();
-    for (std::int64_t i = 0; i < count; ++i) {
-        const float* from = source + 3 * waves.reached[waves.active[i]];
-        std::copy(from, from + 3 * (offset[i + 1] - offset[i]), target + 3 * offset[i]);
-    }
+    at::parallel_for(0, count, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) {
+            const float* from = source + 3 * front.reached[wave.rays[i]];
+            std::copy(from, from + 3 * (wave.offset[i + 1] - wave.offset[i]), target + 3 * wave.offset[i]);
+        }
+    });
     const auto out = field.density(positions);
-    const Tensor features = out.features.contiguous();
-    const std::int64_t width = features.size(1);
-    const float *density_in = out.density.const_data_ptr<float>(), *features_in = features.const_data_ptr<float>();
-    float *density_out = waves.density.mutable_data_ptr<float>(),
-          *features_out = waves.features.mutable_data_ptr<float>();
+    wave.density = out.density;
+    wave.features = out.features.contiguous();
+    const float* density = wave.density.const_data_ptr<float>();
     std::vector<char> on(count);
     at::parallel_for(0, count, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
-            const std::int64_t r = waves.active[i], from = waves.reached[r], n = offset[i + 1] - offset[i];
-            std::copy(density_in + offset[i], density_in + offset[i + 1], density_out + from);
-            std::copy(features_in + width * offset[i], features_in + width * offset[i + 1],
-                      features_out + width * from);
-            on[i] = advance_ray(waves, r, from, from + n, depth_limit) && from + n < start[r + 1];
+            const std::int64_t first = wave.offset[i];
+            on[i] = advance_ray(front, wave.rays[i], wave.offset[i + 1] - first, density + first);
         }
     });
-    std::vector<std::int64_t> remaining;
+    front.active.clear();
     for (std::int64_t i = 0; i < count; ++i) {
-        if (on[i]) remaining.push_back(waves.active[i]);
+        if (on[i]) front.active.push_back(wave.rays[i]);
     }
-    waves.active.swap(remaining);
+    return wave;
 }
 
-// Row `index` of every tensor of the samples.
-VisibleSamples select(const Waves& waves, const Tensor& start) {
-    const std::int64_t* packed = start.const_data_ptr<std::int64_t>();
-    const std::int64_t* full = waves.all.start.const_data_ptr<std::int64_t>();
+// The first visible[r] samples of every ray r of the full march.
+Samples first_samples(const Samples& all, const Tensor& start) {
     const std::int64_t rays = start.size(0) - 1;
-    Tensor index = at::empty({packed[rays]}, at::kLong);
-    std::int64_t* values = index.mutable_data_ptr<std::int64_t>();
-    for (std::int64_t r = 0; r < rays; ++r) {
-        for (std::int64_t k = packed[r]; k < packed[r + 1]; ++k) values[k] = full[r] + k - packed[r];
-    }
-    VisibleSamples out;
-    out.samples.start = start;
-    out.samples.ray = waves.all.ray.index_select(0, index);
-    out.samples.positions = waves.all.positions.index_select(0, index);
-    out.samples.t = waves.all.t.index_select(0, index);
-    out.samples.delta = waves.all.delta.index_select(0, index);
-    out.density = waves.density.index_select(0, index);
-    out.features = waves.features.index_select(0, index);
+    const std::int64_t *to = start.const_data_ptr<std::int64_t>(), *from = all.start.const_data_ptr<std::int64_t>();
+    const std::int64_t total = to[rays];
+    Samples out{start, at::empty({total}, at::kLong), at::empty({total, 3}, at::kFloat), at::empty({total}, at::kFloat),
+                at::empty({total}, at::kFloat)};
+    at::parallel_for(0, rays, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) {
+            const std::int64_t n = to[r + 1] - to[r];
+            const auto copy = [&](const Tensor& source, const Tensor& target, std::int64_t width) {
+                const float* values = source.const_data_ptr<float>() + width * from[r];
+                std::copy(values, values + width * n, target.mutable_data_ptr<float>() + width * to[r]);
+            };
+            std::fill_n(out.ray.mutable_data_ptr<std::int64_t>() + to[r], n, r);
+            copy(all.positions, out.positions, 3);
+            copy(all.t, out.t, 1);
+            copy(all.delta, out.delta, 1);
+        }
+    });
     return out;
+}
+
+// Brings what the waves found into the packed order, as far as it is visible.
+void gather(const std::vector<Wave>& waves, const Front& front, std::int64_t width, VisibleSamples& out) {
+    const std::int64_t* start = out.samples.start.const_data_ptr<std::int64_t>();
+    const std::int64_t total = out.samples.size();
+    out.density = at::empty({total}, at::kFloat);
+    out.features = at::empty({total, width}, at::kFloat);
+    float *density = out.density.mutable_data_ptr<float>(), *features = out.features.mutable_data_ptr<float>();
+    std::vector<std::int64_t> done(front.visible.size(), 0);
+    for (const Wave& wave : waves) {
+        const float *density_in = wave.density.const_data_ptr<float>(),
+                    *features_in = wave.features.const_data_ptr<float>();
+        at::parallel_for(0, static_cast<std::int64_t>(wave.rays.size()), rays_per_task,
+                         [&](std::int64_t begin, std::int64_t end) {
+                             for (std::int64_t i = begin; i < end; ++i) {
+                                 const std::int64_t r = wave.rays[i], from = wave.offset[i], to = start[r] + done[r];
+                                 const std::int64_t n = std::min(wave.offset[i + 1] - from, front.visible[r] - done[r]);
+                                 std::copy_n(density_in + from, n, density + to);
+                                 std::copy_n(features_in + width * from, width * n, features + width * to);
+                                 done[r] += n;
+                             }
+                         });
+    }
 }
 
 }  // namespace
@@ -183,25 +210,20 @@ VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays,
     const double depth_limit = -std::log(options.min_transmittance);  // infinite at 0: everything is visible
     const Samples all = march(field.geometry(), field.occupancy(), rays, options);
     const std::int64_t count = rays.size();
-    Waves waves{all,
-                at::empty({all.size()}, at::kFloat),
-                at::empty({all.size(), field.config().feature_size}, at::kFloat),
-                {},
-                {},
-                {},
-                {}};
+    Front front{all, depth_limit, {}, std::vector<double>(count, 0.0), std::vector<std::int64_t>(count, 0), {}};
     const std::int64_t* start = all.start.const_data_ptr<std::int64_t>();
-    waves.reached.assign(start, start + count);
-    waves.depth.assign(count, 0.0);
-    waves.visible.assign(count, 0);
+    front.reached.assign(start, start + count);
     for (std::int64_t r = 0; r < count; ++r) {
-        if (start[r] < start[r + 1]) waves.active.push_back(r);
+        if (start[r] < start[r + 1]) front.active.push_back(r);
     }
-    for (std::int64_t length = first_wave; !waves.active.empty(); length = std::min(2 * length, largest_wave)) {
-        advance(waves, field, length, depth_limit);
+    std::vector<Wave> waves;
+    for (std::int64_t length = first_wave; !front.active.empty(); length = std::min(2 * length, largest_wave)) {
+        waves.push_back(advance(front, field, length));
     }
-    const Tensor visible = at::from_blob(waves.visible.data(), {count}, at::kLong);
-    return select(waves, prefix_sums(visible));
+    VisibleSamples out;
+    out.samples = first_samples(all, prefix_sums(at::from_blob(front.visible.data(), {count}, at::kLong)));
+    gather(waves, front, field.config().feature_size, out);
+    return out;
 }
 
 Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b) {

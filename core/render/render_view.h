@@ -14,7 +14,7 @@ namespace fieldgraft {
 
 struct RenderOptions {
     MarchOptions march;
-    std::int64_t chunk_rays = 16384;
+    std::int64_t chunk_rays = 4096;
 };
 
 struct RenderedRays {

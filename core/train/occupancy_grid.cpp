@@ -77,7 +77,8 @@ void OccupancyGrid::refresh_some(const RadianceField& field, Random& random) {
 }
 
 float OccupancyGrid::limit() const {
-    return static_cast<float>(std::min(values_.mean().item<double>(), threshold_));
+    // Well below the mean: where all cells are alike, all are occupied, not those that rounding favours.
+    return static_cast<float>(std::min(0.9 * values_.mean().item<double>(), threshold_));
 }
 
 Tensor OccupancyGrid::cells() const {

@@ -1,7 +1,7 @@
 // Which cells of the box may hold something, learnt while the field is: R³ cells (z slowest) with a fading memory of
 // density.
 //
-//   v ← max(0.9·v, σ(a random point of the cell))   occupied: v > min(mean v, threshold),  threshold·step = 0.01
+//   v ← max(0.9·v, σ(a random point of the cell))   occupied: v > min(0.9·mean v, threshold),  threshold·step = 0.01
 //
 // (Müller et al. 2022, appendix C). refresh_all looks into every cell; refresh_some into 1/32 of the cells, in turn,
 // and into as many random occupied ones. All randomness comes from the caller's generator.

@@ -1,0 +1,230 @@
+#include "core/train/trainer.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <fstream>
+
+#include "core/base/errors.h"
+#include "core/base/files.h"
+#include "core/render/image_metrics.h"
+#include "core/train/checkpoint.h"
+
+namespace fieldgraft {
+namespace {
+
+namespace fs = std::filesystem;
+
+// A ball of radius 0.6 whose colour depends on the place, seen by cameras around it: RGBA images drawn by intersection.
+Tensor ball_image(const Camera& camera) {
+    const Rays rays = rays_of_view(camera);
+    const Tensor b = (rays.origins * rays.directions).sum(1), c = rays.origins.square().sum(1) - 0.36;
+    const Tensor discriminant = b * b - c, hit = discriminant > 0;
+    const Tensor t = -b - discriminant.clamp_min(0).sqrt();
+    const Tensor point = rays.origins + t.unsqueeze(1) * rays.directions;
+    const Tensor color = (0.5 + 0.7 * point).clamp(0, 1);
+    const Tensor rgba = at::cat({color, hit.to(at::kFloat).unsqueeze(1)}, 1) * hit.unsqueeze(1);
+    return (rgba * 255).round().to(at::kByte).view({camera.height, camera.width, 4}).contiguous();
+}
+
+TrainingData ball_data() {
+    TrainingData data;
+    for (int i = 0; i < 8; ++i) {
+        const double angle = 0.8 * i, height = i % 2 ? 1.0 : -0.6;
+        const Vec3 eye{3 * std::cos(angle), 3 * std::sin(angle), height};
+        data.train.cameras.push_back(camera_from_angle(24, 24, 0.7, look_at(eye, {0, 0, 0}, {0, 0, 1})));
+        data.train.pixels.push_back(ball_image(data.train.cameras.back()));
+        data.train.masks.emplace_back();
+    }
+    data.validation.cameras = {camera_from_angle(24, 24, 0.7, look_at({2.9, 0.8, 0.3}, {0, 0, 0}, {0, 0, 1}))};
+    data.validation.pixels = {ball_image(data.validation.cameras[0])};
+    data.validation.masks.resize(1);
+    return data;
+}
+
+TrainOptions small_options(std::int64_t iterations) {
+    TrainOptions options;
+    options.iterations = iterations;
+    options.seed = 7;
+    options.samples = 4096;
+    options.step = 0.04;
+    options.occupancy_resolution = 24;
+    options.field.levels = 6;
+    options.field.log2_table_size = 11;
+    options.field.base_resolution = 4;
+    options.field.finest_resolution = 48;
+    options.field.density_hidden = options.field.color_hidden = 16;
+    return options;
+}
+
+fs::path temporary(const std::string& name) {
+    const fs::path folder = fs::path(::testing::TempDir()) / "fieldgraft_train";
+    fs::create_directories(folder);
+    fs::remove(folder / name);
+    return folder / name;
+}
+
+class Train : public ::testing::Test {
+  protected:
+    void SetUp() override {
+        threads_ = at::get_num_threads();
+        at::set_num_threads(1);
+    }
+    void TearDown() override { at::set_num_threads(threads_); }
+    int threads_ = 1;
+};
+
+TEST_F(Train, LearnsABall) {
+    std::vector<Json> events;
+    const Reporter reporter([&](const Json& event) { events.push_back(event); });
+    const TrainResult result = train_field(ball_data(), small_options(400), reporter);
+    EXPECT_GT(result.report.psnr, 24) << "PSNR of a view that was not trained on";
+    EXPECT_EQ(result.report.iterations, 400);
+    EXPECT_EQ(result.report.skipped, 0);
+    EXPECT_GT(result.report.peak_mib, 1);
+    const double share = result.field->occupancy().to(at::kFloat).mean().item<double>();
+    EXPECT_LT(share, 0.5);
+    EXPECT_GT(share, 0.005);
+    ASSERT_FALSE(events.empty());
+    EXPECT_EQ(events.back()["event"], "progress");
+    EXPECT_EQ(events.back()["iteration"], 400);
+    EXPECT_EQ(events.back()["total"], 400);
+    EXPECT_GE(events.back()["eta_s"].get<double>(), 0);
+}
+
+TEST_F(Train, SameSeedSameFileBitForBit) {
+    const fs::path a = temporary("a.safetensors"), b = temporary("b.safetensors");
+    train_field(ball_data(), small_options(20)).field->save(a);
+    train_field(ball_data(), small_options(20)).field->save(b);
+    EXPECT_EQ(read_file(a), read_file(b));
+    auto other = small_options(20);
+    other.seed = 8;
+    train_field(ball_data(), other).field->save(b);
+    EXPECT_NE(read_file(a), read_file(b));
+}
+
+TEST_F(Train, StoppedAndResumedItIsTheSameRun) {
+    const fs::path checkpoint = temporary("checkpoint.safetensors");
+    auto options = small_options(40);
+    const std::string expected = train_field(ball_data(), options).field->hash();
+    // Asked to stop from the start, a run does one iteration, saves and ends: four pieces, then the rest.
+    const std::atomic<bool> stop{true};
+    const Reporter stopping([](const Json&) {}, &stop);
+    for (int piece = 0; piece < 4; ++piece) {
+        EXPECT_THROW(train_field(ball_data(), options, stopping, checkpoint, piece > 0), Cancelled);
+        ASSERT_TRUE(fs::exists(checkpoint));
+    }
+    const TrainResult result = train_field(ball_data(), options, {}, checkpoint, true);
+    EXPECT_EQ(result.field->hash(), expected);
+    EXPECT_EQ(result.report.iterations, 40);
+}
+
+TEST_F(Train, ACheckpointOfAnotherRunIsRefused) {
+    const fs::path checkpoint = temporary("other.safetensors");
+    train_field(ball_data(), small_options(2), {}, checkpoint);
+    auto options = small_options(2);
+    options.seed = 1;
+    try {
+        train_field(ball_data(), options, {}, checkpoint, true);
+        FAIL() << "it was taken";
+    } catch (const InputError& error) {
+        EXPECT_NE(std::string(error.what()).find("seed"), std::string::npos) << error.what();
+    }
+    write_file(checkpoint, read_file(checkpoint).substr(0, 200));
+    EXPECT_THROW(train_field(ball_data(), small_options(2), {}, checkpoint, true), InputError);
+    EXPECT_THROW(train_field(ball_data(), small_options(2), {}, temporary("absent.safetensors"), true), InputError);
+}
+
+TEST_F(Train, TimeIsKept) {
+    auto options = small_options(1);
+    options.iterations.reset();
+    options.minutes = 0.02;
+    const TrainResult result = train_field(ball_data(), options);
+    EXPECT_GE(result.report.seconds, 1.2);
+    EXPECT_LT(result.report.seconds, 6);
+}
+
+TEST_F(Train, ImagesWithoutAlphaAndMasksAreFine) {
+    TrainingData data = ball_data();
+    for (Tensor& pixels : data.train.pixels) pixels = pixels.narrow(2, 0, 3).contiguous();
+    data.train.masks[0] = at::zeros({24, 24}, at::kBool);
+    data.validation = {};
+    const TrainResult result = train_field(data, small_options(20));
+    EXPECT_TRUE(std::isfinite(result.report.psnr));
+}
+
+TEST_F(Train, BadInputIsNamed) {
+    TrainingData data = ball_data();
+    EXPECT_THROW(train_field(TrainingData{}, small_options(1)), InputError);
+    data.train.pixels[2] = at::zeros({24, 23, 4}, at::kByte);
+    EXPECT_THROW(train_field(data, small_options(1)), InputError);
+    data = ball_data();
+    for (Tensor& mask : data.train.masks) mask = at::zeros({24, 24}, at::kBool);
+    EXPECT_THROW(train_field(data, small_options(1)), InputError);
+    for (const auto& change : std::vector<std::function<void(TrainOptions&)>>{
+             [](TrainOptions& o) { o.iterations = 0; }, [](TrainOptions& o) { o.minutes = 1; },
+             [](TrainOptions& o) { o.quality = "best"; }, [](TrainOptions& o) { o.samples = 1; },
+             [](TrainOptions& o) { o.rate = NAN; }, [](TrainOptions& o) { o.rate_end = 0; },
+             [](TrainOptions& o) { o.step = -1; }, [](TrainOptions& o) { o.occupancy_resolution = 0; }}) {
+        auto options = small_options(1);
+        change(options);
+        EXPECT_THROW(train_field(ball_data(), options), InputError);
+    }
+}
+
+TEST_F(Train, NonFiniteGradientsChangeNothing) {
+    auto options = small_options(1);
+    RadianceField field(options.field, {}, 1);
+    FieldOptimizer optimizer(field);
+    const std::string before = field.hash();
+    for (const auto& [name, parameter] : field.parameters()) parameter.mutable_grad() = at::ones_like(parameter);
+    field.parameters().at("color.1").mutable_grad()[3][2] = NAN;
+    EXPECT_FALSE(optimizer.step(field, 0.01));
+    EXPECT_EQ(field.hash(), before);
+    EXPECT_EQ(optimizer.steps(), 0);
+    for (const auto& [name, parameter] : field.parameters()) parameter.mutable_grad() = at::ones_like(parameter);
+    EXPECT_TRUE(optimizer.step(field, 0.01));
+    EXPECT_NE(field.hash(), before);
+}
+
+TEST_F(Train, RandomRaysAreUniformOverThePixels) {
+    const TrainingData data = ball_data();
+    Random random(3);
+    const RayBatch batch = draw_rays(data.train, 20000, random);
+    EXPECT_EQ(batch.colors.sizes(), (std::vector<std::int64_t>{20000, 4}));
+    EXPECT_TRUE(at::allclose(batch.rays.directions.norm(2, 1), at::ones({20000}), 0, 1e-6));
+    double covered = 0;
+    for (const Tensor& pixels : data.train.pixels)
+        covered += pixels.select(2, 3).to(at::kFloat).mean().item<double>() / 255;
+    const double expected = covered / static_cast<double>(data.train.pixels.size());
+    const double sigma = std::sqrt(expected * (1 - expected) / 20000);
+    EXPECT_NEAR(batch.colors.select(1, 3).mean().item<double>(), expected, 4 * sigma);
+}
+
+TEST_F(Train, OccupancyFindsTheDenseCells) {
+    auto options = small_options(1);
+    RadianceField field(options.field, {}, 1);
+    OccupancyGrid grid({}, 16, 0.04);
+    EXPECT_EQ(grid.share(), 1);  // nothing is known to be empty
+    Random random(1);
+    grid.refresh_all(field, random);
+    EXPECT_EQ(grid.share(), 1);  // an untrained field is nearly the same everywhere
+    {
+        at::NoGradGuard no_grad;
+        Tensor table = field.parameters().at("encoding.table"), last = field.parameters().at("density.1");
+        table.copy_(at::sin(at::arange(table.numel(), at::kFloat)).view_as(table));
+        last[0].mul_(8);
+    }
+    grid = OccupancyGrid({}, 16, 0.04);
+    grid.refresh_all(field, random);
+    EXPECT_LT(grid.share(), 0.95);
+    EXPECT_GT(grid.share(), 0.1);
+    const Tensor before = grid.values().clone();
+    grid.refresh_some(field, random);
+    const Tensor changed = grid.values().ne(before);
+    EXPECT_GT(changed.sum().item<std::int64_t>(), 16 * 16 * 16 / 32 / 4);
+    EXPECT_LT(changed.sum().item<std::int64_t>(), 16 * 16 * 16 / 8);
+}
+
+}  // namespace
+}  // namespace fieldgraft
