@@ -36,10 +36,11 @@ Json describe_edit(const std::string& path) {
 
 Json describe(const std::string& path) {
     const SafeTensors file = load_safetensors(path);
-    const auto kind = file.metadata.find("kind");
-    if (kind != file.metadata.end() && kind->second == "field") return describe_field(path);
-    if (kind != file.metadata.end() && kind->second == "edit") return describe_edit(path);
-    input_error("{}: neither a field nor an edit (its metadata has no \"kind\"); `fieldgraft train` and `edit` write them", path);
+    const auto found = file.metadata.find("format");
+    const std::string format = found == file.metadata.end() ? "" : found->second;
+    if (format == "fieldgraft.field") return describe_field(path);
+    if (format == "fieldgraft.edit") return describe_edit(path);
+    input_error("{}: its format is \"{}\", neither a field nor an edit; `fieldgraft train` and `edit` write them", path, format);
 }
 
 void print_for_people(const Json& file) {

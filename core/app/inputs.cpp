@@ -2,6 +2,7 @@
 
 #include <charconv>
 #include <cmath>
+#include <cstdlib>
 #include <sstream>
 
 #include "core/base/errors.h"
@@ -49,9 +50,8 @@ FieldWithEdits load_field_and_edits(const std::vector<std::string>& files, const
     for (std::size_t i = 1; i < files.size(); ++i) {
         EditFile edit = load_edit_argument(files[i]);
         edit.check_field(field_hash, files[i]);
-        if (edit.stack != below)
-            reporter.warning(fmt::format("{} was trained over another stack of edits ({} below it, here {}); it may look different",
-                                         files[i], edit.stack.size(), below.size()));
+        const std::string warning = edit.check_stack(below, files[i]);
+        if (!warning.empty()) reporter.warning(warning);
         below.push_back(edit.hash());
         loaded.edits.push_back(std::move(edit));
     }
@@ -85,6 +85,21 @@ NamedFile parse_view_file(const std::string& argument, const std::string& flag) 
     if (colon == std::string::npos || colon == 0 || colon + 1 == argument.size())
         input_error("{} {}: expected VIEW:FILE, a view's name and a mask picture (white where the region is)", flag, argument);
     return {argument.substr(0, colon), argument.substr(colon + 1)};
+}
+
+std::filesystem::path builtin_model(const std::string& name) {
+    namespace fs = std::filesystem;
+    if (const char* models = std::getenv("FIELDGRAFT_MODELS")) {
+        const fs::path folder = fs::path(models) / name;
+        if (fs::exists(folder / "config.json")) return folder;
+        input_error("FIELDGRAFT_MODELS={}: there is no {}/config.json in it", models, name);
+    }
+    std::error_code ignored;
+    const fs::path program = fs::read_symlink("/proc/self/exe", ignored);
+    for (fs::path folder = program.parent_path(); folder.has_relative_path(); folder = folder.parent_path())
+        if (fs::exists(folder / "models" / name / "config.json")) return folder / "models" / name;
+    input_error("no models/{}/config.json in the folders above {}; set FIELDGRAFT_MODELS to the folder that holds {}",
+                name, program.string(), name);
 }
 
 Tensor background_color(const std::string& name) {

@@ -39,6 +39,10 @@ struct NamedFile {
 // VIEW:FILE; throws InputError when the colon or either side is missing.
 NamedFile parse_view_file(const std::string& argument, const std::string& flag);
 
+// The folder of a built-in model ("guide", "judge"): in $FIELDGRAFT_MODELS, or in the models/ folder of the nearest of the
+// program's parent folders that has it. Throws InputError, naming what was looked at.
+std::filesystem::path builtin_model(const std::string& name);
+
 // "white" | "black" → 3 floats; "transparent" → an undefined tensor.
 Tensor background_color(const std::string& name);
 

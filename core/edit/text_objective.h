@@ -10,6 +10,7 @@
 
 #include <memory>
 
+#include "core/base/random.h"
 #include "core/edit/edit_plan.h"
 #include "core/guidance/guidance.h"
 

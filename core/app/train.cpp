@@ -1,0 +1,64 @@
+// fieldgraft train SCENE -o FIELD.safetensors: fits the original field to a scene's images.
+#include "core/train/trainer.h"
+
+#include <memory>
+
+#include "core/app/console.h"
+#include "core/base/errors.h"
+
+namespace fieldgraft::app {
+namespace {
+
+struct Options {
+    std::string scene, output, backbone = "hash";
+    TrainOptions train;
+    double minutes = 0, downscale = 1;
+    std::int64_t iterations = 0;
+    bool resume = false;
+};
+
+void run(const CommonOptions& common, Options options) {
+    if (options.backbone != "hash")
+        input_error("--backbone {}: this version trains the hash backbone; use --backbone hash", options.backbone);
+    if (options.minutes > 0) options.train.minutes = options.minutes;
+    if (options.iterations > 0) options.train.iterations = options.iterations;
+    options.train.seed = common.seed;
+    const Reporter reporter = console_reporter(common, "train");
+    SceneOptions scene_options;
+    scene_options.downscale = options.downscale;
+    const Scene scene = Scene::load(options.scene, scene_options);
+    for (const std::string& warning : scene.warnings()) reporter.warning(warning);
+
+    const std::filesystem::path output = options.output;
+    std::filesystem::path checkpoint = output;
+    checkpoint.replace_extension(".checkpoint.safetensors");
+    const TrainResult result = train_field(scene, options.train, reporter, checkpoint, options.resume);
+    Json figures = result.report.to_json();
+    // No times in the file: the same seed gives the same bytes.
+    result.field->save(output, {{"training", {{"iterations", result.report.iterations}, {"psnr", result.report.psnr}}}});
+    std::filesystem::remove(checkpoint);  // the field is complete: there is nothing to go on with
+    figures["path"] = output.string();
+    figures["field_hash"] = result.field->hash();
+    print_done(common, figures);
+}
+
+}  // namespace
+
+void add_train(Program& program) {
+    auto options = std::make_shared<Options>();
+    CLI::App* app = program.command("train", "fit a field to a scene's images");
+    app->add_option("SCENE", options->scene, "folder or transforms*.json: NeRF-synthetic, nerfstudio, instant-ngp")->required();
+    app->add_option("-o,--output", options->output, "the field, FIELD.safetensors")->required();
+    app->add_option("--backbone", options->backbone, "hash")->check(CLI::IsMember({"hash", "mlp"}));
+    auto* quality = app->add_option("--quality", options->train.quality, "draft, preview or final: 1, 3 or 10 minutes")
+                        ->check(CLI::IsMember({"draft", "preview", "final"}));
+    auto* minutes = app->add_option("--minutes", options->minutes, "train for so long")->check(CLI::PositiveNumber);
+    auto* iterations = app->add_option("--iterations", options->iterations, "train for so many steps")->check(CLI::PositiveNumber);
+    minutes->excludes(iterations)->excludes(quality);
+    iterations->excludes(quality);
+    app->add_option("--downscale", options->downscale, "reduce the images by this factor")->check(CLI::Range(1.0, 64.0));
+    app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");
+    app->callback([&program, options] { program.action = [&program, options] { run(program.common, *options); }; });
+}
+
+}  // namespace fieldgraft::app
