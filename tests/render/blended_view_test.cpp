@@ -40,7 +40,7 @@ TEST(BlendedView, OutsideTheSupportIsBitExact) {
         const EditStack stack{{ball_edit(operations, {0.4f, 0, 0.2f}, 0.35f)}};
         const BlendedRays out = render(field, stack);
         const Tensor touched = touched_rays(*field, stack, rays, {}), rest = touched.logical_not();
-        ASSERT_GT(touched.sum().item<std::int64_t>(), 20) << operations;
+        ASSERT_GT(touched.sum().item<std::int64_t>(), 10) << operations;
         ASSERT_GT(rest.sum().item<std::int64_t>(), 200) << operations;
         const Tensor kept = rest.nonzero().squeeze(1), changed = touched.nonzero().squeeze(1);
         EXPECT_TRUE(same_bits(out.color.index_select(0, kept), plain.color.index_select(0, kept))) << operations;
