@@ -223,6 +223,8 @@ def need_generator() -> None:
 def test_shipped_figures_hold_on_a_small_held_out_set(name: str) -> None:
     need_generator()
     folder = MODELS / name
+    if not (folder / "figures.json").exists():
+        pytest.skip(f"models/{name} is not in this checkout: models/train.py makes it")
     stated = json.loads((folder / "figures.json").read_text())
     assert (folder / "model.safetensors").stat().st_size <= MAX_BYTES
     torch.set_num_threads(1)
