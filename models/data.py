@@ -33,21 +33,23 @@ def load_generator_module() -> Any:
         if any(folder.glob("**/scene_generator*.so")):
             sys.path.insert(0, str(next(folder.glob("**/scene_generator*.so")).parent))
             return importlib.import_module("scene_generator")
-    raise FileNotFoundError("build/*/models/scene_generator*.so: build it first: "
-                            "cmake --preset release && cmake --build --preset release --target scene_generator")
+    raise FileNotFoundError(
+        "build/*/models/scene_generator*.so: build it first: "
+        "cmake --preset release && cmake --build --preset release --target scene_generator"
+    )
 
 
 @dataclass
 class Batch:
     """Everything a step needs. N = 2n pictures; queries are flat lists with `owner` naming their picture."""
 
-    images: Tensor        # uint8 N x 3 x S x S
-    captions: list[str]   # N
-    change: Tensor        # int64 n
-    attributes: Tensor    # int64 N x 3 (shape, material, colour), -1 unknown
+    images: Tensor  # uint8 N x 3 x S x S
+    captions: list[str]  # N
+    change: Tensor  # int64 n
+    attributes: Tensor  # int64 N x 3 (shape, material, colour), -1 unknown
     queries: list[list[str]]  # N x Q
-    masks: Tensor         # uint8 N x Q x S x S
-    kinds: Tensor         # uint8 N x Q
+    masks: Tensor  # uint8 N x Q x S x S
+    kinds: Tensor  # uint8 N x Q
 
 
 def to_batch(raw: dict[str, Any]) -> Batch:
@@ -116,6 +118,7 @@ def random_warps(pairs: int, strength: float, rng: torch.Generator) -> Tensor:
     Scale 0.75-1.3, rotation up to 12 degrees, mirror half the time, shift up to 0.25, perspective up to 0.25;
     a fifth of the pairs stay as they are.
     """
+
     def uniform(low: float, high: float) -> Tensor:
         return torch.rand(pairs, generator=rng) * (high - low) + low
 
@@ -144,6 +147,7 @@ def warp_grid(warps: Tensor, size: int) -> Tensor:
 
 def jitter_colour(images: Tensor, amount: dict[str, float], rng: torch.Generator) -> Tensor:
     """DiffAugment's three colour changes: brightness +-b, saturation and contrast 1 +- s, 1 +- c; one draw a pair."""
+
     def draw(name: str) -> Tensor:
         return pair_rows((torch.rand(len(images) // 2, generator=rng) * 2 - 1) * amount[name]).view(-1, 1, 1, 1)
 
@@ -180,12 +184,13 @@ def blur(images: Tensor, rng: torch.Generator) -> Tensor:
 @dataclass
 class Augmented:
     images: Tensor  # float32 N x 3 x S x S
-    masks: Tensor   # bool M x S x S, one a chosen query
-    valid: Tensor   # bool N x S x S: pixels whose mask is known
+    masks: Tensor  # bool M x S x S, one a chosen query
+    valid: Tensor  # bool N x S x S: pixels whose mask is known
 
 
-def augment(batch: Batch, rows: Tensor, columns: Tensor, amount: dict[str, float], rng: torch.Generator,
-            strength: float = 0.7) -> Augmented:
+def augment(
+    batch: Batch, rows: Tensor, columns: Tensor, amount: dict[str, float], rng: torch.Generator, strength: float = 0.7
+) -> Augmented:
     """The augmented pictures, and the masks of the queries (rows[k], columns[k]) warped alike."""
     images = batch.images.float() / 255
     n, size = len(images), images.shape[-1]

@@ -36,7 +36,7 @@ KIND_NAMES = {OBJECT: "objects", PART: "parts", GROUND: "ground", ATTRIBUTE: "at
 
 
 def article(text: str) -> str:
-    """"a orange ball" -> "an orange ball"."""
+    """ "a orange ball" -> "an orange ball"."""
     words = text.split(" ")
     pairs = zip(words, [*words[1:], ""], strict=True)
     return " ".join("an" if w == "a" and n[:1] in tuple("aeiou") else w for w, n in pairs)
@@ -107,8 +107,15 @@ class Masks:
 
 
 @torch.no_grad()
-def add_batch(model: Guidance, tokenizer: CaptionTokenizer, batch: Batch, words: list[Tensor],
-              seen: list[Recognition], masks: Masks, moves: list[float]) -> None:
+def add_batch(
+    model: Guidance,
+    tokenizer: CaptionTokenizer,
+    batch: Batch,
+    words: list[Tensor],
+    seen: list[Recognition],
+    masks: Masks,
+    moves: list[float],
+) -> None:
     """Adds one batch's counts to `seen`, `masks` and `moves`."""
     images = batch.images.float() / 255
     embeddings, stages = model.visual(model.preprocess(images))
@@ -133,8 +140,9 @@ def add_batch(model: Guidance, tokenizer: CaptionTokenizer, batch: Batch, words:
         masks.add(asked > neutral, batch.masks[:, q].bool(), batch.kinds[:, q])
 
 
-def evaluate(model: Guidance, tokenizer: CaptionTokenizer, generator: Any, pictures: int,
-             pairs: int = 32) -> tuple[dict[str, float], list[Recognition]]:
+def evaluate(
+    model: Guidance, tokenizer: CaptionTokenizer, generator: Any, pictures: int, pairs: int = 32
+) -> tuple[dict[str, float], list[Recognition]]:
     """Figures by name (shares in [0, 1]) over at least `pictures` pictures of the generator, and the confusions."""
     was_training = model.training
     model.eval()
@@ -161,15 +169,32 @@ def heldout_generator(split: str = "heldout", seed: int = 20261) -> Any:
     return load_generator_module().Generator(seed=seed, split=split, size=64, settings=text)
 
 
-TARGETS = {"colour": 0.92, "material": 0.80, "shape": 0.85, "iou_objects": 0.65, "iou_parts": 0.40, "iou_ground": 0.40,
-           "absent_left_empty": 0.85}
+TARGETS = {
+    "colour": 0.92,
+    "material": 0.80,
+    "shape": 0.85,
+    "iou_objects": 0.65,
+    "iou_parts": 0.40,
+    "iou_ground": 0.40,
+    "absent_left_empty": 0.85,
+}
 
 
-def card(name: str, config: dict[str, Any], figures: dict[str, float], seen: list[Recognition], history: str,
-         pictures: int, vocabulary: dict[str, list[str]]) -> str:
+def card(
+    name: str,
+    config: dict[str, Any],
+    figures: dict[str, float],
+    seen: list[Recognition],
+    history: str,
+    pictures: int,
+    vocabulary: dict[str, list[str]],
+) -> str:
     """The model card: what it is, what it knows, its figures, its confusions."""
-    role = ("guides edits" if name == "guide" else
-            "only judges edits (S_CLIP, MP_CLIP); it never guides, and was trained on another split with another seed")
+    role = (
+        "guides edits"
+        if name == "guide"
+        else "only judges edits (S_CLIP, MP_CLIP); it never guides, and was trained on another split with another seed"
+    )
     rows = [f"| {k} | {v:.3f} | {'' if k not in TARGETS else f'{TARGETS[k]:.2f}'} |" for k, v in figures.items()]
     known = "\n".join(f"* {k}: {', '.join(SAID.get(w, w) for w in v)}" for k, v in vocabulary.items())
     titled = zip(("Shapes", "Materials", "Colours"), seen, strict=True)

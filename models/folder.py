@@ -16,8 +16,9 @@ from torch import Tensor
 MAX_BYTES = 25_000_000
 
 
-def save_folder(folder: Path, config: dict[str, Any], state: dict[str, Tensor], tokenizer: CaptionTokenizer,
-                card: str | None = None) -> int:
+def save_folder(
+    folder: Path, config: dict[str, Any], state: dict[str, Tensor], tokenizer: CaptionTokenizer, card: str | None = None
+) -> int:
     """Writes every file through a temporary name and returns the weights' size in bytes."""
     folder.mkdir(parents=True, exist_ok=True)
     tensors = {}

@@ -33,8 +33,12 @@ def attribute_loss(images: Tensor, words: list[Tensor], truth: Tensor, scale: Te
 
 def head_loss(logits: list[Tensor], truth: Tensor) -> Tensor:
     """Cross-entropy of plain linear heads over the same attributes."""
-    return torch.stack([F.cross_entropy(x, truth[:, i], ignore_index=-1, reduction="sum") / (truth[:, i] >= 0).sum()
-                        .clamp_min(1) for i, x in enumerate(logits)]).sum()
+    return torch.stack(
+        [
+            F.cross_entropy(x, truth[:, i], ignore_index=-1, reduction="sum") / (truth[:, i] >= 0).sum().clamp_min(1)
+            for i, x in enumerate(logits)
+        ]
+    ).sum()
 
 
 def compatible(truth: Tensor) -> Tensor:

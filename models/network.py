@@ -22,26 +22,47 @@ from torch.nn import functional as F
 CONTEXT_LENGTH = 32
 
 
-def default_config(width: int = 32, layers: tuple[int, ...] = (1, 1, 1, 1), dim: int = 256, text_width: int = 128,
-                   text_layers: int = 3, reduce_dim: int = 48, stages: tuple[int, ...] = (1, 2, 3, 4),
-                   stem_pool: bool = False, vocab_size: int = 0) -> dict[str, Any]:
+def default_config(
+    width: int = 32,
+    layers: tuple[int, ...] = (1, 1, 1, 1),
+    dim: int = 256,
+    text_width: int = 128,
+    text_layers: int = 3,
+    reduce_dim: int = 48,
+    stages: tuple[int, ...] = (1, 2, 3, 4),
+    stem_pool: bool = False,
+    vocab_size: int = 0,
+) -> dict[str, Any]:
     """The folder's config.json; `vocab_size` and the token ids are filled in when the tokenizer is known."""
     return {
         "model_type": "fieldgraft-guidance",
         "projection_dim": dim,
         "logit_scale_init_value": 2.6592,
         "text_config": {
-            "hidden_size": text_width, "intermediate_size": 4 * text_width, "num_attention_heads": text_width // 32,
-            "num_hidden_layers": text_layers, "max_position_embeddings": CONTEXT_LENGTH, "vocab_size": vocab_size,
-            "hidden_act": "quick_gelu", "layer_norm_eps": 1e-5, "bos_token_id": vocab_size - 2,
+            "hidden_size": text_width,
+            "intermediate_size": 4 * text_width,
+            "num_attention_heads": text_width // 32,
+            "num_hidden_layers": text_layers,
+            "max_position_embeddings": CONTEXT_LENGTH,
+            "vocab_size": vocab_size,
+            "hidden_act": "quick_gelu",
+            "layer_norm_eps": 1e-5,
+            "bos_token_id": vocab_size - 2,
             "eos_token_id": vocab_size - 1,
         },
         "vision_config": {
-            "trunk": "modified_resnet", "image_size": 64, "width": width, "layers": list(layers),
-            "stem_pool": stem_pool, "num_attention_heads": max(1, width // 4),
+            "trunk": "modified_resnet",
+            "image_size": 64,
+            "width": width,
+            "layers": list(layers),
+            "stem_pool": stem_pool,
+            "num_attention_heads": max(1, width // 4),
         },
         "segmenter_config": {
-            "type": "film_pyramid", "stages": list(stages), "reduce_dim": reduce_dim, "conditional_stage": -1,
+            "type": "film_pyramid",
+            "stages": list(stages),
+            "reduce_dim": reduce_dim,
+            "conditional_stage": -1,
             "logit_stride": (2 if 0 in stages or not stem_pool else 4),
         },
         "preprocess": {"image_size": 64, "image_mean": [0.65, 0.64, 0.62], "image_std": [0.3, 0.3, 0.3]},

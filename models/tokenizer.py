@@ -42,7 +42,8 @@ def build(vocab: dict[str, int], merges: list[tuple[str, str]]) -> Tokenizer:
     """The tokenizers-library object with CLIP's normaliser, splitter and suffix."""
     tokenizer = Tokenizer(models.BPE(vocab, merges, end_of_word_suffix=SUFFIX, unk_token=END))
     tokenizer.normalizer = normalizers.Sequence(
-        [normalizers.NFC(), normalizers.Replace(Regex(r"\s+"), " "), normalizers.Lowercase()])
+        [normalizers.NFC(), normalizers.Replace(Regex(r"\s+"), " "), normalizers.Lowercase()]
+    )
     split = pre_tokenizers.Split(Regex(PATTERN), "removed", invert=True)
     tokenizer.pre_tokenizer = pre_tokenizers.Sequence([split, pre_tokenizers.ByteLevel(add_prefix_space=False)])
     tokenizer.decoder = decoders.ByteLevel()
@@ -53,8 +54,14 @@ def build(vocab: dict[str, int], merges: list[tuple[str, str]]) -> Tokenizer:
 def learn_merges(captions: Iterable[str], count: int) -> list[tuple[str, str]]:
     """At most `count` merges, most frequent first."""
     draft = build({END: 0}, [])
-    trainer = trainers.BpeTrainer(vocab_size=count + 512, min_frequency=2, special_tokens=[END], show_progress=False,
-                                  initial_alphabet=byte_symbols(), end_of_word_suffix=SUFFIX)
+    trainer = trainers.BpeTrainer(
+        vocab_size=count + 512,
+        min_frequency=2,
+        special_tokens=[END],
+        show_progress=False,
+        initial_alphabet=byte_symbols(),
+        end_of_word_suffix=SUFFIX,
+    )
     draft.train_from_iterator(captions, trainer)
     learnt = json.loads(draft.to_str())["model"]["merges"]
     return [(a, b) for a, b in learnt][:count]

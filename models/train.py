@@ -30,15 +30,52 @@ from trainer import Trainer
 from workers import FINISHED, GOING, INTERRUPTED, Workers, rank
 
 PLANS: dict[str, dict[str, Any]] = {
-    "guide": {"seed": 1, "split": "train", "minutes": (60.0, 90.0, 90.0), "pairs": 24,
-              "network": {"width": 32, "layers": (1, 1, 1, 1), "stem_pool": True, "stages": (0, 1, 2, 3, 4),
-                          "reduce_dim": 32, "text_width": 128}},
-    "judge": {"seed": 2, "split": "judge_train", "minutes": (30.0, 45.0, 30.0), "pairs": 24,
-              "network": {"width": 32, "layers": (1, 1, 1, 1), "stem_pool": True, "stages": (1, 2, 3, 4),
-                          "reduce_dim": 32, "dim": 192, "text_width": 128, "text_layers": 2}},
-    "smoke": {"seed": 3, "split": "train", "minutes": (0.5, 0.3, 0.0), "pairs": 32,
-              "network": {"width": 32, "layers": (1, 1, 1, 1), "stem_pool": True, "stages": (1, 2, 3, 4),
-                          "reduce_dim": 32, "dim": 128, "text_width": 128, "text_layers": 2}},
+    "guide": {
+        "seed": 1,
+        "split": "train",
+        "minutes": (60.0, 90.0, 90.0),
+        "pairs": 24,
+        "network": {
+            "width": 32,
+            "layers": (1, 1, 1, 1),
+            "stem_pool": True,
+            "stages": (0, 1, 2, 3, 4),
+            "reduce_dim": 32,
+            "text_width": 128,
+        },
+    },
+    "judge": {
+        "seed": 2,
+        "split": "judge_train",
+        "minutes": (30.0, 45.0, 30.0),
+        "pairs": 24,
+        "network": {
+            "width": 32,
+            "layers": (1, 1, 1, 1),
+            "stem_pool": True,
+            "stages": (1, 2, 3, 4),
+            "reduce_dim": 32,
+            "dim": 192,
+            "text_width": 128,
+            "text_layers": 2,
+        },
+    },
+    "smoke": {
+        "seed": 3,
+        "split": "train",
+        "minutes": (0.5, 0.3, 0.0),
+        "pairs": 32,
+        "network": {
+            "width": 32,
+            "layers": (1, 1, 1, 1),
+            "stem_pool": True,
+            "stages": (1, 2, 3, 4),
+            "reduce_dim": 32,
+            "dim": 128,
+            "text_width": 128,
+            "text_layers": 2,
+        },
+    },
 }
 CHECKPOINT_MINUTES = 2.0
 TOKENIZER_PAIRS = 6000
@@ -65,8 +102,13 @@ class Run:
         elif args.start is not None:
             self.trainer.adopt(load_folder(args.start)[0])
         self.at = self.trainer.progress.pictures
-        self.say(event="start", resumed=resumed, config=config["vision_config"], vocabulary=len(self.tokenizer.vocab),
-                 parameters=sum(p.numel() for p in self.trainer.model.parameters()))
+        self.say(
+            event="start",
+            resumed=resumed,
+            config=config["vision_config"],
+            vocabulary=len(self.tokenizer.vocab),
+            parameters=sum(p.numel() for p in self.trainer.model.parameters()),
+        )
 
     def gather(self) -> None:
         """Start the other workers, which pick up the checkpoint written here."""
@@ -133,9 +175,15 @@ class Run:
         """What happens every so often: a line, a checkpoint, a held-out check, a snapshot."""
         args, progress = self.args, self.trainer.progress
         if now - due["say"] > 20:
-            self.say(event="progress", stage=progress.stage, minutes=progress.minutes, steps=progress.steps,
-                     pictures=progress.pictures, rate=(progress.pictures - self.at) / (now - due["say"]),
-                     **self.trainer.recent)
+            self.say(
+                event="progress",
+                stage=progress.stage,
+                minutes=progress.minutes,
+                steps=progress.steps,
+                pictures=progress.pictures,
+                rate=(progress.pictures - self.at) / (now - due["say"]),
+                **self.trainer.recent,
+            )
             due["say"], self.at = now, progress.pictures
         if now - due["save"] > 60 * CHECKPOINT_MINUTES:
             self.trainer.save(self.folder / "latest.pt")
@@ -160,8 +208,10 @@ class Run:
         if pictures:
             generator = heldout_generator()
             figures, seen = evaluate(model, self.tokenizer, generator, pictures)
-            history = (f"Trained on {progress.pictures:,} pictures in {progress.seconds / 60:.0f} minutes "
-                       f"({progress.steps:,} steps; complete stages: {', '.join(map(str, progress.done)) or 'none'}).")
+            history = (
+                f"Trained on {progress.pictures:,} pictures in {progress.seconds / 60:.0f} minutes "
+                f"({progress.steps:,} steps; complete stages: {', '.join(map(str, progress.done)) or 'none'})."
+            )
             text = card(self.name, model.config, figures, seen, history, pictures, self.vocabulary)
             self.say(event="figures", **figures)
         size = save_folder(folder, model.config, model.state_dict(), self.tokenizer, text)
@@ -187,8 +237,11 @@ def parse() -> argparse.Namespace:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", choices=("guide", "judge"))
     parser.add_argument("--stage", type=int, choices=(1, 2, 3), help="only this stage")
-    parser.add_argument("--minutes", type=lambda t: tuple(float(x) for x in t.split(",")),
-                        help="minutes a stage: one number, or three separated by commas")
+    parser.add_argument(
+        "--minutes",
+        type=lambda t: tuple(float(x) for x in t.split(",")),
+        help="minutes a stage: one number, or three separated by commas",
+    )
     parser.add_argument("--workers", type=int, default=2, help="processes that share the work")
     parser.add_argument("--threads", type=int, default=1, help="threads of each process")
     parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))

@@ -66,8 +66,15 @@ def adversarial(images: Tensor, gradient: Tensor, rng: torch.Generator) -> Tenso
 class Trainer:
     """Model, optimiser, average and position; `step` does one batch."""
 
-    def __init__(self, config: dict[str, Any], tokenizer: Any, vocabulary: dict[str, list[str]], seed: int,
-                 device: str = "cpu", rate: float = 1.5e-3) -> None:
+    def __init__(
+        self,
+        config: dict[str, Any],
+        tokenizer: Any,
+        vocabulary: dict[str, list[str]],
+        seed: int,
+        device: str = "cpu",
+        rate: float = 1.5e-3,
+    ) -> None:
         torch.manual_seed(seed)
         self.config, self.tokenizer, self.vocabulary = config, tokenizer, vocabulary
         self.device, self.rate, self.workers = device, rate, None
@@ -88,8 +95,10 @@ class Trainer:
         named = [*self.model.named_parameters(), *self.heads.named_parameters(), ("word_scale", self.word_scale)]
         for name, p in named:
             groups.setdefault((name.startswith("text_"), p.ndim > 1), []).append(p)
-        return [{"params": v, "weight_decay": 0.05 if matrix else 0.0, "share": 0.5 if text else 1.0}
-                for (text, matrix), v in groups.items()]
+        return [
+            {"params": v, "weight_decay": 0.05 if matrix else 0.0, "share": 0.5 if text else 1.0}
+            for (text, matrix), v in groups.items()
+        ]
 
     # ---- one step -------------------------------------------------------------------------------------------------
 
@@ -109,11 +118,14 @@ class Trainer:
         """A third of the captions inside one of the model's own templates."""
         templates = self.config["templates"]
         dice = torch.rand(len(captions), 2, generator=self.rng)
-        return [templates[int(d[1] * len(templates))].format(c) if d[0] < 0.33 and "photo" not in c else c
-                for c, d in zip(captions, dice, strict=True)]
+        return [
+            templates[int(d[1] * len(templates))].format(c) if d[0] < 0.33 and "photo" not in c else c
+            for c, d in zip(captions, dice, strict=True)
+        ]
 
-    def tower_losses(self, images: Tensor, batch: Batch, words: list[Tensor], captions: Tensor | None,
-                     truth: Tensor) -> tuple[dict[str, Tensor], list[Tensor]]:
+    def tower_losses(
+        self, images: Tensor, batch: Batch, words: list[Tensor], captions: Tensor | None, truth: Tensor
+    ) -> tuple[dict[str, Tensor], list[Tensor]]:
         """All losses on the picture embedding, and the trunk's activations."""
         embeddings, stages = self.model.visual(self.model.preprocess(images))
         embeddings = embeddings.float()
@@ -164,11 +176,13 @@ class Trainer:
             self.recent[k] = 0.95 * self.recent.get(k, v) + 0.05 * v
         return values
 
-    def attack(self, images: Tensor, batch: Batch, words: list[Tensor], captions: Tensor | None,
-               truth: Tensor) -> Tensor:
+    def attack(
+        self, images: Tensor, batch: Batch, words: list[Tensor], captions: Tensor | None, truth: Tensor
+    ) -> Tensor:
         images = images.requires_grad_()
-        parts, _ = self.tower_losses(images, batch, [w.detach() for w in words],
-                                     None if captions is None else captions.detach(), truth)
+        parts, _ = self.tower_losses(
+            images, batch, [w.detach() for w in words], None if captions is None else captions.detach(), truth
+        )
         gradient = torch.autograd.grad(self.total(parts), images)[0]
         return adversarial(images.detach(), gradient.float(), self.rng)
 
@@ -181,8 +195,12 @@ class Trainer:
         logits = self.model.decoder(stages, text, rows.to(self.device))[:, None].float()
         size = made.images.shape[-1]
         logits = F.interpolate(logits, (size, size), mode="bilinear", align_corners=False)[:, 0]
-        return losses.mask_loss(logits, made.masks.to(self.device), made.valid[rows].to(self.device),
-                                batch.kinds[rows, columns].to(self.device))
+        return losses.mask_loss(
+            logits,
+            made.masks.to(self.device),
+            made.valid[rows].to(self.device),
+            batch.kinds[rows, columns].to(self.device),
+        )
 
     # ---- bookkeeping ----------------------------------------------------------------------------------------------
 
@@ -212,10 +230,20 @@ class Trainer:
     def save(self, path: Path) -> None:
         path.parent.mkdir(parents=True, exist_ok=True)
         part = path.with_name(path.name + ".part")
-        torch.save({"config": self.config, "model": self.model.state_dict(), "heads": self.heads.state_dict(),
-                    "word_scale": self.word_scale.detach(), "optimiser": self.optimiser.state_dict(),
-                    "average": self.average, "progress": vars(self.progress), "rng": self.rng.get_state(),
-                    "saved": time.time()}, part)
+        torch.save(
+            {
+                "config": self.config,
+                "model": self.model.state_dict(),
+                "heads": self.heads.state_dict(),
+                "word_scale": self.word_scale.detach(),
+                "optimiser": self.optimiser.state_dict(),
+                "average": self.average,
+                "progress": vars(self.progress),
+                "rng": self.rng.get_state(),
+                "saved": time.time(),
+            },
+            part,
+        )
         os.replace(part, path)
 
     def restore(self, path: Path) -> None:

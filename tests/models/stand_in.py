@@ -39,5 +39,13 @@ class Generator:
             captions.append(tuple(f"a {COLOURS[c]} {SHAPES[shape]}" for c in pair))
             queries.append([[SHAPES[shape], "ground", SHAPES[1 - shape], "photo"]] * 2)
         kinds = np.broadcast_to(np.array([0, 2, 3, 5], np.uint8), (n, 2, 4)).copy()
-        return {"images": images, "captions": captions, "change": np.zeros(n, np.uint8), "attributes": attributes,
-                "queries": queries, "masks": masks, "query_kinds": kinds, "spec": [("{}", "{}")] * n}
+        return {
+            "images": images,
+            "captions": captions,
+            "change": np.zeros(n, np.uint8),
+            "attributes": attributes,
+            "queries": queries,
+            "masks": masks,
+            "query_kinds": kinds,
+            "spec": [("{}", "{}")] * n,
+        }

@@ -23,10 +23,24 @@ from tokenizer import CaptionTokenizer  # noqa: E402
 from trainer import MAX_RADIUS, Trainer, adversarial  # noqa: E402
 
 MODELS = data.ROOT / "models"
-CAPTIONS = ["a red ball", "a golden chair without back", "a yellow bulldozer with black tracks", "polka-dotted mug",
-            "the cat's hat", "snow on a house", "a photo of two blue cubes"]
-NETWORK = {"width": 32, "layers": (1, 1, 1, 1), "stem_pool": True, "dim": 64, "text_width": 64, "text_layers": 1,
-           "reduce_dim": 16}
+CAPTIONS = [
+    "a red ball",
+    "a golden chair without back",
+    "a yellow bulldozer with black tracks",
+    "polka-dotted mug",
+    "the cat's hat",
+    "snow on a house",
+    "a photo of two blue cubes",
+]
+NETWORK = {
+    "width": 32,
+    "layers": (1, 1, 1, 1),
+    "stem_pool": True,
+    "dim": 64,
+    "text_width": 64,
+    "text_layers": 1,
+    "reduce_dim": 16,
+}
 
 
 def eye(n: int, d: int) -> torch.Tensor:
