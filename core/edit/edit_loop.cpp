@@ -223,7 +223,6 @@ class EditTraining {
         measure(report);
         if (report.support_share == 0)
             reporter_.warning("the edit changes nothing: every part of it fell under the threshold");
-        if (!options_.checkpoint.empty()) std::filesystem::remove(options_.checkpoint);
         EditFile file;
         file.field = field_;
         file.field_hash = base_.field_hash();

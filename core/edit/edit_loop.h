@@ -28,7 +28,7 @@ struct EditInputs {
 };
 
 struct EditRunOptions {
-    std::filesystem::path checkpoint;  // empty: none is written. Removed when the edit is done
+    std::filesystem::path checkpoint;  // empty: none is written; the caller removes it once the edit is saved
     bool resume = false;               // go on from it if it exists
     std::filesystem::path preview;     // a PNG that is written again and again; empty: none
     double checkpoint_seconds = 30, preview_seconds = 5;
