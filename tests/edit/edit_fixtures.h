@@ -73,6 +73,7 @@ inline EditSpec small_spec(const std::string& operations, const std::filesystem:
     spec.target = "red ball";
     spec.region_source = RegionSource::masks;
     spec.masks = upper_half_masks(folder);
+    spec.set_weight("inside", 1);
     spec.patch = 24;
     spec.augmentations = 2;
     spec.camera_pool = 3;
