@@ -166,7 +166,6 @@ class Bottleneck(nn.Module):
         self.downsample = None
         if stride > 1 or inputs != planes * 4:
             self.downsample = nn.Sequential(nn.Conv2d(inputs, planes * 4, 1, bias=False), nn.BatchNorm2d(planes * 4))
-        nn.init.zeros_(self.bn3.weight)  # every block starts as its shortcut
 
     def forward(self, x: Tensor) -> Tensor:
         y = F.relu(self.bn1(self.conv1(x)), inplace=True)

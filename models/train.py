@@ -78,6 +78,7 @@ PLANS: dict[str, dict[str, Any]] = {
     },
 }
 CHECKPOINT_MINUTES = 2.0
+LONGEST_STEP = 30.0  # seconds
 TOKENIZER_PAIRS = 6000
 
 
@@ -155,8 +156,10 @@ class Run:
         while self.trainer.stop == GOING:
             self.trainer.step(next(stream), progress.minutes / minutes)
             now = time.monotonic()
-            progress.minutes += (now - last) / 60
-            progress.seconds += now - last
+            # A step that took very long was suspended: that is no training time.
+            passed = min(now - last, LONGEST_STEP)
+            progress.minutes += passed / 60
+            progress.seconds += passed
             last = now
             if rank() == 0:
                 if progress.minutes >= minutes and self.trainer.wish == GOING:
@@ -245,7 +248,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=2, help="processes that share the work")
     parser.add_argument("--threads", type=int, default=1, help="threads of each process")
     parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))
-    parser.add_argument("--rate", type=float, default=1.5e-3, help="peak learning rate")
+    parser.add_argument("--rate", type=float, default=5e-4, help="peak learning rate")
     parser.add_argument("--from", dest="start", type=Path, help="start from this guidance folder's weights")
     parser.add_argument("--fresh", action="store_true", help="ignore the checkpoint")
     parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own")
