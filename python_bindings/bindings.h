@@ -6,5 +6,6 @@
 namespace fieldgraft {
 
 void bind_guidance(pybind11::module_& m);
+void bind_blend(pybind11::module_& m);
 
 }  // namespace fieldgraft

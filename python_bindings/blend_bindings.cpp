@@ -49,8 +49,17 @@ py::dict blend_arrays(const FloatArray& density_o, const FloatArray& color_o, co
         choose(removed, "removed", "paper", RemovedMap::paper, "visible", RemovedMap::visible)};
     const Tensor start = torch::arange(rays + 1, torch::kLong) * samples;
     const torch::NoGradGuard no_grad;
-    const BlendOut out = blend(start, plain(delta, "delta"), plain(density_o, "density_o"),
-                               flattened(color_o, "color_o", rays, samples, true), edit, options);
+    const Tensor lengths = plain(delta, "delta"), density = plain(density_o, "density_o");
+    const Tensor color = flattened(color_o, "color_o", rays, samples, true);
+    const bool edited = density_e || beta_density || beta_color;
+    BlendOut out;
+    if (edited) {
+        out = blend(start, lengths, density, color, edit, options);
+    } else {
+        const CompositeOut base = composite(start, lengths, lengths, density, color);
+        out.color = base.color;
+        out.transmittance = base.transmittance;
+    }
     py::dict result;
     const auto put = [&](const char* name, const Tensor& value, at::IntArrayRef shape) {
         result[name] = to_array(value.defined() ? value : torch::zeros(shape));

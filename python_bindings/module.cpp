@@ -10,4 +10,5 @@ PYBIND11_MODULE(_core, m) {
     pybind11::register_exception<fieldgraft::InputError>(m, "InputError", PyExc_ValueError);
     pybind11::register_exception<fieldgraft::Failure>(m, "Failure", PyExc_RuntimeError);
     fieldgraft::bind_guidance(m);
+    fieldgraft::bind_blend(m);
 }

@@ -4,6 +4,6 @@ Arrays are NumPy float32; pictures are H×W×C (or N×H×W×C) in [0, 1]. Bad in
 line that says what, where, and what would be right.
 """
 
-from fieldgraft._core import Failure, Guidance, InputError, Tokenizer
+from fieldgraft._core import Failure, Guidance, InputError, Tokenizer, blend
 
-__all__ = ["Failure", "Guidance", "InputError", "Tokenizer"]
+__all__ = ["Failure", "Guidance", "InputError", "Tokenizer", "blend"]

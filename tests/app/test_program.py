@@ -113,7 +113,7 @@ def test_an_edit_refuses_equal_prompts_and_no_operation(ball_field: Path, tmp_pa
 
 def test_interrupted_training_saves_and_resumes(ball_scene: Path, tmp_path: Path) -> None:
     field = tmp_path / "f.safetensors"
-    command = [PROGRAM, "train", ball_scene, "-o", field, "--iterations", "5000", "--json"]
+    command = [PROGRAM, "train", ball_scene, "-o", field, "--iterations", "120", "--json"]
     process = subprocess.Popen([str(c) for c in command], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
     for line in process.stdout:
         if json.loads(line).get("iteration", 0) >= 20:
@@ -123,7 +123,7 @@ def test_interrupted_training_saves_and_resumes(ball_scene: Path, tmp_path: Path
     process.communicate(timeout=60)
     assert process.returncode == 130
     assert time.monotonic() - start < 20
-    resumed = run_program("train", ball_scene, "-o", field, "--iterations", 60, "--resume", "--json")
+    resumed = run_program("train", ball_scene, "-o", field, "--iterations", 120, "--resume", "--json")
     events = events_of(resumed)
     assert events[0].get("iteration", 99) >= 20
     assert field.exists()
