@@ -252,7 +252,7 @@ def test_shipped_figures_hold_on_a_small_held_out_set(name: str) -> None:
 
 def test_one_minute_of_training_beats_chance(tmp_path: Path) -> None:
     need_generator()
-    command = [sys.executable, str(MODELS / "train.py"), "--smoke", "--minutes", "0.5", "--checkpoints", str(tmp_path)]
+    command = [sys.executable, str(MODELS / "train.py"), "--smoke", "--minutes", "1", "--checkpoints", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
     assert json.loads(done.stdout.splitlines()[-1])["event"] == "done"
