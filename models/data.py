@@ -8,16 +8,16 @@ similarity and perspective warp, translation, cutout, mild colour jitter, and bl
 
 from __future__ import annotations
 
-import importlib
 import json
 import queue
-import sys
+import random
 import threading
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import generator_build
 import numpy as np
 import torch
 from torch import Tensor
@@ -27,16 +27,8 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def load_generator_module() -> Any:
-    """The compiled `scene_generator`, from any of the build presets."""
-    for build in ("release", "dev", "asan"):
-        folder = ROOT / "build" / build / "models"
-        if any(folder.glob("**/scene_generator*.so")):
-            sys.path.insert(0, str(next(folder.glob("**/scene_generator*.so")).parent))
-            return importlib.import_module("scene_generator")
-    raise FileNotFoundError(
-        "build/*/models/scene_generator*.so: build it first: "
-        "cmake --preset release && cmake --build --preset release --target scene_generator"
-    )
+    """The compiled `scene_generator`, built first if need be."""
+    return generator_build.load()
 
 
 @dataclass
@@ -69,19 +61,27 @@ def to_batch(raw: dict[str, Any]) -> Batch:
 
 
 class Stream:
-    """An endless stream of batches, a few made ahead by a background thread (the generator releases the GIL)."""
+    """An endless stream of batches, a few made ahead by a background thread (the generator releases the GIL).
 
-    def __init__(self, generator: Any, pairs: int, ahead: int = 3) -> None:
-        self._generator, self._pairs = generator, pairs
+    A generated batch comes twice: fresh, and once more, augmented anew, after about `KEPT` other batches; drawing a
+    picture costs about half as much as training on it. `generator` may be changed at any time.
+    """
+
+    KEPT = 60
+
+    def __init__(self, generator: Any, pairs: int, seed: int = 0, ahead: int = 3) -> None:
+        self.generator, self._pairs = generator, pairs
         self._queue: queue.Queue[Batch | BaseException] = queue.Queue(ahead)
         self._stop = threading.Event()
+        self._kept: list[Batch] = []
+        self._random, self._fresh = random.Random(seed), True
         self._thread = threading.Thread(target=self._work, daemon=True)
         self._thread.start()
 
     def _work(self) -> None:
         while not self._stop.is_set():
             try:
-                item: Batch | BaseException = to_batch(self._generator.batch(self._pairs, threads=1))
+                item: Batch | BaseException = to_batch(self.generator.batch(self._pairs, threads=1))
             except Exception as error:  # handed to the reader, which raises it
                 item = error
             while not self._stop.is_set():
@@ -96,15 +96,57 @@ class Stream:
     def __iter__(self) -> Iterator[Batch]:
         return self
 
-    def __next__(self) -> Batch:
+    def fresh(self) -> Batch:
+        """A batch never seen before."""
         item = self._queue.get()
         if isinstance(item, BaseException):
             raise item
         return item
 
+    def __next__(self) -> Batch:
+        self._fresh = not self._fresh or len(self._kept) < self.KEPT
+        if not self._fresh:
+            return self._kept.pop(self._random.randrange(len(self._kept)))
+        self._kept.append(self.fresh())
+        return self._kept[-1]
+
     def close(self) -> None:
         self._stop.set()
         self._thread.join()
+
+
+class Singles:
+    """Batches of unrelated pictures (no queries or captions) out of a stream's last `KEPT`, each used about twice.
+
+    What a scene is, is learnt faster from different scenes than from twins: a classifier was 1.5 times as far after
+    20,000 pictures.
+    """
+
+    KEPT = 3000
+
+    def __init__(self, stream: Stream, count: int, rng: torch.Generator) -> None:
+        self._stream, self._count, self._rng = stream, count, rng
+        self._images = torch.zeros(0, 3, 0, 0, dtype=torch.uint8)
+        self._attributes = torch.zeros(0, 3, dtype=torch.int64)
+        self._drawn = 0
+
+    def _refill(self) -> None:
+        """The oldest pictures give way."""
+        new = self._stream.fresh()
+        old = len(self._images) and max(0, self.KEPT - len(new.images))
+        self._images = torch.cat([self._images[-old:], new.images]) if old else new.images
+        self._attributes = torch.cat([self._attributes[-old:], new.attributes]) if old else new.attributes
+
+    def __iter__(self) -> Iterator[Batch]:
+        return self
+
+    def __next__(self) -> Batch:
+        self._drawn += 1
+        if self._drawn % 2 or len(self._images) < self.KEPT // 4:
+            self._refill()
+        chosen = torch.randperm(len(self._images), generator=self._rng)[: self._count]
+        empty = torch.zeros(len(chosen), 0, dtype=torch.uint8)
+        return Batch(self._images[chosen], [], empty, self._attributes[chosen], [], empty, empty)
 
 
 def pair_rows(values: Tensor) -> Tensor:
@@ -188,6 +230,14 @@ class Augmented:
     valid: Tensor  # bool N x S x S: pixels whose mask is known
 
 
+def plain(batch: Batch, rows: Tensor, columns: Tensor) -> Augmented:
+    """The pictures as they are, and the masks of the queries (rows[k], columns[k])."""
+    images = batch.images.float() / 255
+    n, size = len(images), images.shape[-1]
+    masks = batch.masks[rows, columns] > 0 if len(rows) else torch.zeros(0, size, size, dtype=torch.bool)
+    return Augmented(images, masks, torch.ones(n, size, size, dtype=torch.bool))
+
+
 def augment(
     batch: Batch, rows: Tensor, columns: Tensor, amount: dict[str, float], rng: torch.Generator, strength: float = 0.7
 ) -> Augmented:
@@ -204,6 +254,8 @@ def augment(
     images = jitter_colour(blur(images, rng), amount, rng)
     valid = torch.ones(n, size, size, dtype=torch.bool)
     cut_out(images, valid, rng)
+    if not len(rows):
+        return Augmented(images, torch.zeros(0, size, size, dtype=torch.bool), valid)
     masks = batch.masks[rows, columns][:, None].float()
     masks = F.grid_sample(masks, grid[rows], mode="bilinear", align_corners=False)[:, 0] > 0.5
     return Augmented(images, masks, valid)
@@ -219,3 +271,34 @@ def choose_queries(batch: Batch, count: int, rng: torch.Generator, weights: tupl
 def read_settings(path: Path) -> str:
     """A settings file as the generator wants it: JSON text, checked to be JSON."""
     return json.dumps(json.loads(path.read_text(encoding="utf-8")))
+
+
+# One object, whole, large, from the side, on white: where a lesson starts. The held-out settings are the generator's
+# defaults, where it ends. Started at the end, shapes stay at chance for the first 100,000 pictures (36 of them; a
+# plain classifier then reaches 7 %); started here, the same trunk reaches 41 % after 36,000.
+EASY = {
+    "addition": 0.0,
+    "second_object": 0.0,
+    "several": 0.0,
+    "clutter": 0.0,
+    "cropped": 0.0,
+    "white_backdrop": 0.9,
+    "no_ground": 0.85,
+    "base_plate": 0.1,
+    "endless_plane": 0.05,
+    "grainy": 0.1,
+    "blurred": 0.1,
+    "shadows": 0.3,
+    "primitive_tumbles": 0.1,
+    "elevation_max": 50.0,
+    "frame_min": 0.8,
+    "frame_max": 1.0,
+}
+
+
+def lesson(level: float) -> str:
+    """Generator settings `level` of the way from EASY (0) to the full difficulty (1), as JSON."""
+    if level >= 1:
+        return ""
+    full = json.loads((generator_build.SOURCES / "heldout_settings.json").read_text(encoding="utf-8"))
+    return json.dumps({k: v + (full[k] - v) * level for k, v in EASY.items()})

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from data import ROOT, Stream, load_generator_module, read_settings
+from data import ROOT, Singles, Stream, lesson, load_generator_module, read_settings
 from evaluate import card, evaluate, heldout_generator, write_figures
 from folder import load_folder, save_folder
 from network import CONTEXT_LENGTH, default_config
@@ -34,7 +34,7 @@ PLANS: dict[str, dict[str, Any]] = {
         "seed": 1,
         "split": "train",
         "minutes": (60.0, 90.0, 90.0),
-        "pairs": 24,
+        "pairs": 32,
         "network": {
             "width": 32,
             "layers": (1, 1, 1, 1),
@@ -80,6 +80,7 @@ PLANS: dict[str, dict[str, Any]] = {
 CHECKPOINT_MINUTES = 2.0
 LONGEST_STEP = 30.0  # seconds
 TOKENIZER_PAIRS = 6000
+LESSONS = 4  # steps of rising difficulty in stage 1 before the full one
 
 
 class Run:
@@ -95,6 +96,10 @@ class Run:
         # Each run and each worker draws pictures of its own: a resumed one must not see the same again.
         stream_seed = seed * 1_000_003 + (int(time.time()) % 1_000_000 if resumed else 0) + 500_009 * rank()
         self.generator = module.Generator(seed=stream_seed, split=split, size=64, settings=settings)
+        self.lessons = [
+            module.Generator(seed=stream_seed + 31 * i, split=split, size=64, settings=lesson(i / LESSONS))
+            for i in range(LESSONS if not args.settings else 0)
+        ]
         self.vocabulary = self.generator.vocabulary()
         self.tokenizer, config = self._tokenizer_and_config(resumed)
         self.trainer = Trainer(config, self.tokenizer, self.vocabulary, seed, args.device, args.rate)
@@ -150,11 +155,16 @@ class Run:
             return True
         if progress.stage != stage:
             progress.stage, progress.minutes, progress.stage_steps = stage, 0.0, 0
-        stream = Stream(self.generator, self.plan["pairs"])
+        stream = Stream(self.generator, self.plan["pairs"], seed=rank())
+        pictures = Singles(stream, 2 * self.plan["pairs"], self.trainer.rng) if stage == 1 else stream
         last = time.monotonic()
         due = {"say": last, "save": last, "check": last, "export": last}
         while self.trainer.stop == GOING:
-            self.trainer.step(next(stream), progress.minutes / minutes)
+            # Stage 1 starts with easy pictures; its last fifth has the full difficulty.
+            level = int(progress.minutes / minutes * (LESSONS + 1))
+            easy = stage == 1 and level < len(self.lessons)
+            stream.generator = self.lessons[level] if easy else self.generator
+            self.trainer.step(next(pictures), progress.minutes / minutes)
             now = time.monotonic()
             # A step that took very long was suspended: that is no training time.
             passed = min(now - last, LONGEST_STEP)
@@ -224,7 +234,7 @@ class Run:
 
 
 def smoke(args: argparse.Namespace) -> int:
-    """A minute of stages 1 and 2 on a small model: every loss must fall and colour and shape must clearly beat chance."""
+    """A minute of stages 1 and 2 on a small model: losses must fall, colour and shape clearly beat chance."""
     args.fresh, args.checkpoints = True, args.checkpoints / "smoke"
     run = Run("smoke", args)
     for stage, minutes in ((1, args.minutes[0] * 0.6), (2, args.minutes[0] * 0.4)):
@@ -248,7 +258,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=2, help="processes that share the work")
     parser.add_argument("--threads", type=int, default=1, help="threads of each process")
     parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))
-    parser.add_argument("--rate", type=float, default=5e-4, help="peak learning rate")
+    parser.add_argument("--rate", type=float, default=1e-3, help="peak learning rate")
     parser.add_argument("--from", dest="start", type=Path, help="start from this guidance folder's weights")
     parser.add_argument("--fresh", action="store_true", help="ignore the checkpoint")
     parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own")

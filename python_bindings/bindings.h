@@ -7,5 +7,11 @@ namespace fieldgraft {
 
 void bind_guidance(pybind11::module_& m);
 void bind_blend(pybind11::module_& m);
+void bind_scene(pybind11::module_& m);
+void bind_field(pybind11::module_& m);
+void bind_train(pybind11::module_& m);
+void bind_edit(pybind11::module_& m);
+void bind_render(pybind11::module_& m);
+void bind_bake(pybind11::module_& m);
 
 }  // namespace fieldgraft

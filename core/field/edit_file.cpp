@@ -1,27 +1,14 @@
 #include "core/base/errors.h"
-#include "core/base/safetensors.h"
-#include "core/base/shape.h"
 #include "core/field/edit_field.h"
+#include "core/field/file_parts.h"
 
 namespace fieldgraft {
 namespace {
 
-constexpr const char* format_name = "fieldgraft.edit";
-
-const std::string& metadata_at(const SafeTensors& file, const std::string& key) {
-    const auto found = file.metadata.find(key);
-    if (found == file.metadata.end()) input_error("{}: no \"{}\" in its metadata; not an edit file?", file.origin, key);
-    return found->second;
-}
-
-Json json_at(const SafeTensors& file, const std::string& key) {
-    Json json = Json::parse(metadata_at(file, key), nullptr, false);
-    if (json.is_discarded()) input_error("{}: \"{}\" in its metadata is not JSON", file.origin, key);
-    return json;
-}
+constexpr const char* edit_format = "fieldgraft.edit";
 
 std::vector<std::string> read_stack(const SafeTensors& file) {
-    const Json json = json_at(file, "stack");
+    const Json json = metadata_json(file, "stack");
     std::vector<std::string> stack;
     if (!json.is_array()) input_error("{}: \"stack\" in its metadata must be a list of hashes", file.origin);
     for (const Json& item : json) {
@@ -39,16 +26,6 @@ float read_strength(const SafeTensors& file, const Json& strengths, const char* 
     return static_cast<float>(value);
 }
 
-Tensor take(const SafeTensors& file, const std::string& name, const Tensor& like) {
-    const Tensor& tensor = file.at(name);
-    if (tensor.scalar_type() != at::kFloat || tensor.sizes() != like.sizes()) {
-        input_error("{}: \"{}\" must be float32 {}, not {} {}", file.origin, name, shape_text(like),
-                    at::toString(tensor.scalar_type()), shape_text(tensor));
-    }
-    if (!tensor.isfinite().all().item<bool>()) input_error("{}: \"{}\" holds numbers that are not finite", file.origin, name);
-    return tensor.clone();
-}
-
 }  // namespace
 
 std::string EditFile::hash() const {
@@ -64,7 +41,7 @@ void EditFile::save(const std::filesystem::path& path) const {
     }
     const Json strengths{{"add", strength_add}, {"remove", strength_remove}, {"change", strength_change}};
     save_safetensors(path, field->tensors(),
-                     {{"format", format_name},
+                     {{"format", edit_format},
                       {"version", "1"},
                       {"config", field->config().to_json().dump()},
                       {"geometry", field->geometry().to_json().dump()},
@@ -76,21 +53,17 @@ void EditFile::save(const std::filesystem::path& path) const {
 
 EditFile EditFile::load(const std::filesystem::path& path) {
     const SafeTensors file = load_safetensors(path);
-    const auto format = file.metadata.find("format");
-    if (format == file.metadata.end() || format->second != format_name) {
-        input_error("{}: not an edit file (its format is \"{}\", \"{}\" is needed)", file.origin,
-                    format == file.metadata.end() ? "" : format->second, format_name);
-    }
+    check_format(file, edit_format, "an edit");
     try {
         EditFile edit;
-        edit.field = std::make_shared<EditField>(EditFieldConfig::from_json(json_at(file, "config")),
-                                                 FieldGeometry::from_json(json_at(file, "geometry")), 0);
-        for (auto& [name, parameter] : edit.field->parameters_) parameter = take(file, name, parameter);
+        edit.field = std::make_shared<EditField>(EditFieldConfig::from_json(metadata_json(file, "config")),
+                                                 FieldGeometry::from_json(metadata_json(file, "geometry")), 0);
+        for (auto& [name, parameter] : edit.field->parameters_) parameter = parameter_at(file, name, parameter.sizes());
         edit.field->set_support(file.at("support").clone());
         edit.field_hash = metadata_at(file, "field_hash");
         edit.stack = read_stack(file);
-        edit.specification = json_at(file, "specification");
-        const Json strengths = json_at(file, "strengths");
+        edit.specification = metadata_json(file, "specification");
+        const Json strengths = metadata_json(file, "strengths");
         edit.strength_add = read_strength(file, strengths, "add");
         edit.strength_remove = read_strength(file, strengths, "remove");
         edit.strength_change = read_strength(file, strengths, "change");

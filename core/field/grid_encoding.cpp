@@ -4,6 +4,7 @@
 
 #include "core/base/errors.h"
 #include "core/base/shape.h"
+#include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 
 namespace fieldgraft {
@@ -13,16 +14,9 @@ using torch::autograd::AutogradContext;
 using torch::autograd::variable_list;
 using GridPtr = std::shared_ptr<const HashGrid>;
 
-constexpr std::int64_t chunk_size = 4096;
+constexpr std::int64_t chunk_points = 4096;
 
-std::int64_t chunk_count(std::int64_t points) { return (points + chunk_size - 1) / chunk_size; }
-
-std::span<const float> values(const Tensor& tensor) {
-    return {tensor.const_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
-std::span<float> mutable_values(const Tensor& tensor) {
-    return {tensor.mutable_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
+std::int64_t point_chunks(std::int64_t points) { return (points + chunk_points - 1) / chunk_points; }
 
 // Columns [first, first + n) of a rows×N tensor, one after the other row: rows×n contiguous.
 void copy_columns(const float* from, std::int64_t from_stride, float* to, std::int64_t to_stride, std::int64_t rows,
@@ -37,9 +31,9 @@ std::vector<Tensor> unit_chunks(const Tensor& positions, const FieldGeometry& ge
     const float scale = static_cast<float>(1 / edge);
     const std::int64_t points = positions.size(0);
     const float* p = positions.const_data_ptr<float>();
-    std::vector<Tensor> chunks(chunk_count(points));
+    std::vector<Tensor> chunks(point_chunks(points));
     for (std::size_t i = 0; i < chunks.size(); ++i) {
-        const std::int64_t first = static_cast<std::int64_t>(i) * chunk_size, n = std::min(chunk_size, points - first);
+        const std::int64_t first = static_cast<std::int64_t>(i) * chunk_points, n = std::min(chunk_points, points - first);
         chunks[i] = at::empty({3, n}, at::kFloat);
         float* unit = chunks[i].mutable_data_ptr<float>();
         for (int c = 0; c < 3; ++c) {
@@ -56,13 +50,13 @@ struct EncodeFunction : torch::autograd::Function<EncodeFunction> {
         const std::int64_t rows = static_cast<std::int64_t>(grid->rows());
         Tensor encoded = at::empty({rows, points}, table.options());
         float* out = encoded.mutable_data_ptr<float>();
-        torch_parallel_for(chunk_count(points), 1, [&](std::int64_t begin, std::int64_t end) {
+        torch_parallel_for(point_chunks(points), 1, [&](std::int64_t begin, std::int64_t end) {
             std::vector<float> part;
             for (std::int64_t i = begin; i < end; ++i) {
                 const std::int64_t n = chunks[i].size(1);
                 part.resize(static_cast<std::size_t>(rows * n));
                 hash_grid_forward<float>(*grid, values(table), values(chunks[i]), part);
-                copy_columns(part.data(), n, out + i * chunk_size, points, rows, n);
+                copy_columns(part.data(), n, out + i * chunk_points, points, rows, n);
             }
         });
         ctx->saved_data["chunks"] = chunks;
@@ -82,7 +76,7 @@ struct EncodeFunction : torch::autograd::Function<EncodeFunction> {
             for (std::int64_t i = begin; i < end; ++i) {
                 const std::int64_t n = chunks[i].size(1);
                 parts[i].resize(static_cast<std::size_t>(rows * n));
-                copy_columns(grad.const_data_ptr<float>() + i * chunk_size, points, parts[i].data(), n, rows, n);
+                copy_columns(grad.const_data_ptr<float>() + i * chunk_points, points, parts[i].data(), n, rows, n);
                 kernel_chunks[i] = {values(chunks[i]), parts[i]};
             }
         });

@@ -4,6 +4,7 @@
 
 #include "core/base/errors.h"
 #include "core/base/shape.h"
+#include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 #include "core/kernels/spherical_harmonics_ref.h"
 
@@ -17,13 +18,6 @@ using NetworkPtr = std::shared_ptr<const HashNetwork>;
 using torch::autograd::AutogradContext;
 using torch::autograd::Variable;
 using torch::autograd::variable_list;
-
-std::span<const float> values(const Tensor& tensor) {
-    return {tensor.const_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
-std::span<float> mutable_values(const Tensor& tensor) {
-    return {tensor.mutable_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
 
 std::int64_t chunk_count(std::int64_t samples) {
     return (samples + chunk_size - 1) / chunk_size;

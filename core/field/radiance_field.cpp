@@ -4,14 +4,14 @@
 
 #include "core/base/errors.h"
 #include "core/base/random.h"
-#include "core/base/safetensors.h"
 #include "core/base/shape.h"
+#include "core/field/file_parts.h"
 #include "core/field/hash_network.h"
 
 namespace fieldgraft {
 namespace {
 
-constexpr const char* format_name = "fieldgraft.field";
+constexpr const char* field_format = "fieldgraft.field";
 constexpr const char* occupancy_name = "occupancy";
 
 std::map<std::string, std::vector<std::int64_t>> parameter_shapes(const HashFieldConfig& config, const HashGrid& grid) {
@@ -57,24 +57,6 @@ void check_occupancy(const Tensor& occupancy) {
     if (!cube || occupancy.scalar_type() != at::kByte) {
         throw std::invalid_argument("occupancy must be a cube of bytes, not " + shape_text(occupancy));
     }
-}
-
-// The configuration and geometry a file's metadata holds.
-Json read_metadata(const SafeTensors& file, const std::string& key) {
-    const auto found = file.metadata.find(key);
-    if (found == file.metadata.end()) input_error("{}: no \"{}\" in its metadata; not a field file?", file.origin, key);
-    Json json = Json::parse(found->second, nullptr, false);
-    if (json.is_discarded()) input_error("{}: \"{}\" in its metadata is not JSON", file.origin, key);
-    return json;
-}
-
-Tensor take(const SafeTensors& file, const std::string& name, const std::vector<std::int64_t>& shape) {
-    const Tensor& tensor = file.at(name);
-    if (tensor.scalar_type() != at::kFloat || tensor.sizes() != shape) {
-        input_error("{}: \"{}\" must be float32 {}, not {} {}", file.origin, name,
-                    shape_text(at::empty(shape, at::kMeta)), at::toString(tensor.scalar_type()), shape_text(tensor));
-    }
-    return tensor.clone();
 }
 
 }  // namespace
@@ -157,7 +139,7 @@ std::string RadianceField::hash() const {
 
 void RadianceField::save(const std::filesystem::path& path, const Json& extra_metadata) const {
     save_safetensors(path, tensors(),
-                     {{"format", format_name},
+                     {{"format", field_format},
                       {"version", "1"},
                       {"config", config_.to_json().dump()},
                       {"geometry", geometry_.to_json().dump()},
@@ -166,17 +148,13 @@ void RadianceField::save(const std::filesystem::path& path, const Json& extra_me
 
 std::shared_ptr<RadianceField> RadianceField::load(const std::filesystem::path& path) {
     const SafeTensors file = load_safetensors(path);
-    const auto format = file.metadata.find("format");
-    if (format == file.metadata.end() || format->second != format_name) {
-        input_error("{}: not a field file (its format is \"{}\", \"{}\" is needed)", file.origin,
-                    format == file.metadata.end() ? "" : format->second, format_name);
-    }
+    check_format(file, field_format, "a field");
     try {
-        const auto config = HashFieldConfig::from_json(read_metadata(file, "config"));
-        const auto geometry = FieldGeometry::from_json(read_metadata(file, "geometry"));
+        const auto config = HashFieldConfig::from_json(metadata_json(file, "config"));
+        const auto geometry = FieldGeometry::from_json(metadata_json(file, "geometry"));
         auto field = std::shared_ptr<RadianceField>(new RadianceField(config, geometry));
         for (const auto& [name, shape] : parameter_shapes(config, field->network_->grid)) {
-            field->parameters_[name] = take(file, name, shape);
+            field->parameters_[name] = parameter_at(file, name, shape);
         }
         if (file.tensors.contains(occupancy_name)) field->set_occupancy(file.at(occupancy_name).clone());
         return field;

@@ -4,18 +4,15 @@
 
 #include "core/base/errors.h"
 #include "core/base/shape.h"
+#include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 #include "core/kernels/march_ref.h"
 
 namespace fieldgraft {
 namespace {
 
-constexpr std::int64_t rays_per_task = 256;
+constexpr std::int64_t rays_per_march = 256;
 constexpr std::int64_t first_wave = 8, largest_wave = 64;  // samples of a ray looked at together
-
-std::span<const float> floats(const Tensor& tensor) {
-    return {tensor.const_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
 
 void check_rays(const RayBundle& rays) {
     for (const Tensor* part : {&rays.origins, &rays.directions}) {
@@ -90,7 +87,7 @@ Wave advance(Front& front, const RadianceField& field, std::int64_t length) {
     Tensor positions = at::empty({wave.offset[count], 3}, at::kFloat);
     const float* source = front.all.positions.const_data_ptr<float>();
     float* target = positions.mutable_data_ptr<float>();
-    at::parallel_for(0, count, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+    at::parallel_for(0, count, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
             const float* from = source + 3 * front.reached[wave.rays[i]];
             std::copy(from, from + 3 * (wave.offset[i + 1] - wave.offset[i]), target + 3 * wave.offset[i]);
@@ -101,7 +98,7 @@ Wave advance(Front& front, const RadianceField& field, std::int64_t length) {
     wave.features = out.features.contiguous();
     const float* density = wave.density.const_data_ptr<float>();
     std::vector<char> on(count);
-    at::parallel_for(0, count, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+    at::parallel_for(0, count, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
             const std::int64_t first = wave.offset[i];
             on[i] = advance_ray(front, wave.rays[i], wave.offset[i + 1] - first, density + first);
@@ -121,7 +118,7 @@ Samples first_samples(const Samples& all, const Tensor& start) {
     const std::int64_t total = to[rays];
     Samples out{start, at::empty({total}, at::kLong), at::empty({total, 3}, at::kFloat), at::empty({total}, at::kFloat),
                 at::empty({total}, at::kFloat)};
-    at::parallel_for(0, rays, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
+    at::parallel_for(0, rays, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t r = begin; r < end; ++r) {
             const std::int64_t n = to[r + 1] - to[r];
             const auto copy = [&](const Tensor& source, const Tensor& target, std::int64_t width) {
@@ -148,7 +145,7 @@ void gather(const std::vector<Wave>& waves, const Front& front, std::int64_t wid
     for (const Wave& wave : waves) {
         const float *density_in = wave.density.const_data_ptr<float>(),
                     *features_in = wave.features.const_data_ptr<float>();
-        at::parallel_for(0, static_cast<std::int64_t>(wave.rays.size()), rays_per_task,
+        at::parallel_for(0, static_cast<std::int64_t>(wave.rays.size()), rays_per_march,
                          [&](std::int64_t begin, std::int64_t end) {
                              for (std::int64_t i = begin; i < end; ++i) {
                                  const std::int64_t r = wave.rays[i], from = wave.offset[i], to = start[r] + done[r];
@@ -181,8 +178,8 @@ Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayB
     const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
     const Tensor jitter = draw_jitter(options.jitter, count);
     const MarchGrid grid = grid_of(geometry, occupancy);
-    const MarchRays packed{floats(origins), floats(directions),
-                           jitter.defined() ? floats(jitter) : std::span<const float>(), step, options.near};
+    const MarchRays packed{values(origins), values(directions),
+                           jitter.defined() ? values(jitter) : std::span<const float>(), step, options.near};
     Tensor counts = at::empty({count}, at::kLong);
     march_count(grid, packed, {counts.mutable_data_ptr<std::int64_t>(), static_cast<std::size_t>(count)},
                 torch_parallel_for);

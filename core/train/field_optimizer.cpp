@@ -1,6 +1,7 @@
 #include "core/train/field_optimizer.h"
 
 #include "core/base/errors.h"
+#include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 #include "core/kernels/adam_ref.h"
 
@@ -8,13 +9,6 @@ namespace fieldgraft {
 namespace {
 
 constexpr const char* table_name = "encoding.table";
-
-std::span<const float> values(const Tensor& tensor) {
-    return {tensor.const_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
-std::span<float> mutable_values(const Tensor& tensor) {
-    return {tensor.mutable_data_ptr<float>(), static_cast<std::size_t>(tensor.numel())};
-}
 
 }  // namespace
 

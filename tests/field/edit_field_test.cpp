@@ -15,7 +15,7 @@
 namespace fieldgraft {
 namespace {
 
-EditFieldConfig small_config(const std::string& operations) {
+EditFieldConfig small_edit_config(const std::string& operations) {
     EditFieldConfig config;
     config.operations = Operations::parse(operations);
     config.resolutions = {4, 8, 40};  // 41³ vertices in 2^12 entries: the last level is hashed
@@ -51,7 +51,7 @@ TEST(Operations, ParseAndPrint) {
 
 TEST(EditField, HasOnlyTheHeadsOfItsOperations) {
     for (const std::string operations : {"add", "remove", "change", "add,remove", "add,change", "remove,change", "add,remove,change"}) {
-        const EditField field(small_config(operations), {}, 1);
+        const EditField field(small_edit_config(operations), {}, 1);
         const Operations on = Operations::parse(operations);
         EXPECT_EQ(field.parameters().contains("density_e.weight"), on.add);
         EXPECT_EQ(field.parameters().contains("color_e.weight"), on.add || on.change);
@@ -79,7 +79,7 @@ TEST(EditField, StartsNearTheConfiguredValues) {
 }
 
 TEST(EditField, ExtremeParametersStayFinite) {
-    EditField field(small_config("add,remove,change"), {}, 1);
+    EditField field(small_edit_config("add,remove,change"), {}, 1);
     for (const float scale : {1e4f, -1e10f}) {
         {
             at::NoGradGuard no_grad;
@@ -99,7 +99,7 @@ TEST(EditField, ExtremeParametersStayFinite) {
 
 // The derivative along a random direction in parameter space, by the encoding's and the network's backward pass.
 TEST(EditField, GradientAgainstFiniteDifferences) {
-    const EditField field(small_config("add,remove,change"), {}, 2);
+    const EditField field(small_edit_config("add,remove,change"), {}, 2);
     const Tensor points = random_points(300, 1.6f);  // some outside the box
     const auto loss = [&] {
         const EditSamples edit = field.evaluate(points);
@@ -122,7 +122,7 @@ TEST(EditField, GradientAgainstFiniteDifferences) {
 }
 
 TEST(EditField, ThreadsDoNotChangeTheEncodingsGradient) {
-    const EditField field(small_config("change"), {}, 2);
+    const EditField field(small_edit_config("change"), {}, 2);
     const Tensor points = random_points(20000), table = field.parameters().at("grid.table");
     const int threads = at::get_num_threads();
     std::vector<Tensor> grads;
@@ -135,7 +135,7 @@ TEST(EditField, ThreadsDoNotChangeTheEncodingsGradient) {
 }
 
 TEST(EditField, ZeroOutsideBoxAndSupport) {
-    EditField field(small_config("add,remove,change"), {}, 3);
+    EditField field(small_edit_config("add,remove,change"), {}, 3);
     const Tensor points = random_points(500, 2);
     const Tensor in_box = points.abs().le(1.5).all(1);
     const EditSamples free = field.evaluate(points);
@@ -153,14 +153,14 @@ TEST(EditField, ZeroOutsideBoxAndSupport) {
 }
 
 TEST(EditField, LevelWeightsFadeLevels) {
-    EditField field(small_config("change"), {}, 4);
+    EditField field(small_edit_config("change"), {}, 4);
     const Tensor points = random_points(100);
     const Tensor all = field.evaluate(points).beta_color.detach();
     field.set_level_weights({1, 0.5f, 0});
     const Tensor coarse = field.evaluate(points).beta_color.detach();
     EXPECT_FALSE(at::equal(all, coarse));
     // Weight 0 is the level's entries at 0, and what is saved is what was rendered.
-    EditField copy(small_config("change"), {}, 9);
+    EditField copy(small_edit_config("change"), {}, 9);
     {
         at::NoGradGuard no_grad;
         const auto folded = field.tensors();
@@ -172,7 +172,7 @@ TEST(EditField, LevelWeightsFadeLevels) {
 }
 
 TEST(EditSupport, HoldsTheCellsWhereTheEditActs) {
-    EditField field(small_config("change"), {}, 5);
+    EditField field(small_edit_config("change"), {}, 5);
     {
         at::NoGradGuard no_grad;  // βc = sigmoid of a ramp along the table: off at the bound, 3.4e-4, unless features say so
         field.parameters().at("beta_color.bias").fill_(-1000);
@@ -189,7 +189,7 @@ TEST(EditSupport, HoldsTheCellsWhereTheEditActs) {
 }
 
 TEST(JitterPenalty, IsZeroForAConstantAndPositiveElse) {
-    EditField field(small_config("add,remove,change"), {}, 6);
+    EditField field(small_edit_config("add,remove,change"), {}, 6);
     const Tensor points = random_points(200);
     Random random(1);
     const Tensor rough = jitter_penalty(field, field.evaluate(points), points, 0.05, random);
@@ -209,7 +209,7 @@ class EditFileTest : public testing::Test {
     void SetUp() override {
         folder_ = std::filesystem::temp_directory_path() / ("fieldgraft_edit_test_" + std::to_string(::getpid()));
         std::filesystem::create_directories(folder_);
-        edit_.field = std::make_shared<EditField>(small_config("add,change"), FieldGeometry{}, 1);
+        edit_.field = std::make_shared<EditField>(small_edit_config("add,change"), FieldGeometry{}, 1);
         edit_.field->set_support(half_support());
         edit_.field_hash = "0123456789abcdef";
         edit_.stack = {"aa", "bb"};

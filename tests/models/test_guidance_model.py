@@ -143,6 +143,38 @@ def test_augmentation_without_warp_or_jitter_keeps_the_picture_and_moves_masks_a
             assert float(made.images[i].min(0).values[inner].max()) < 0.6
 
 
+def test_single_pictures_come_about_twice_and_keep_their_attributes() -> None:
+    stream = data.Stream(stand_in.Generator(3), 24)
+    singles = data.Singles(stream, 48, torch.Generator().manual_seed(1))
+    drawn = [next(singles) for _ in range(60)]
+    stream.close()
+    colours = torch.tensor(stand_in.PAINT).float()
+    for batch in (drawn[0], drawn[-1]):
+        assert batch.images.shape == (48, 3, 64, 64) and batch.attributes.shape == (48, 3)
+        for image, truth in zip(batch.images.float(), batch.attributes, strict=True):
+            painted = (image - colours[truth[2]].view(3, 1, 1)).abs().amax(0) < 1
+            assert int(painted.sum()) > 100
+    keys = [int(i.long().sum() * 1000 + i[0, 20:40, 30].long().sum()) for b in drawn for i in b.images]
+    assert 1.2 < len(keys) / len(set(keys)) < 4
+
+
+def test_a_stream_repeats_a_batch_once() -> None:
+    stream = data.Stream(stand_in.Generator(3), 2)
+    seen = [id(next(stream)) for _ in range(3 * data.Stream.KEPT)]
+    stream.close()
+    assert max(seen.count(i) for i in set(seen)) == 2
+    assert len(set(seen)) == 2 * data.Stream.KEPT
+
+
+def test_lessons_lead_from_easy_to_the_held_out_difficulty() -> None:
+    import generator_build
+
+    full = json.loads((generator_build.SOURCES / "heldout_settings.json").read_text())
+    start, half = json.loads(data.lesson(0)), json.loads(data.lesson(0.5))
+    assert start == data.EASY and data.lesson(1) == ""
+    assert all(half[k] == pytest.approx((start[k] + full[k]) / 2) for k in start)
+
+
 # ---- tokenizer --------------------------------------------------------------------------------------------------
 
 
@@ -226,16 +258,8 @@ def test_every_stage_learns_on_a_few_squares_and_discs_and_survives_a_folder(tmp
 # ---- what is shipped --------------------------------------------------------------------------------------------
 
 
-def need_generator() -> None:
-    try:
-        data.load_generator_module()
-    except FileNotFoundError as error:
-        pytest.skip(f"the scene generator is not built: {error}")
-
-
 @pytest.mark.parametrize("name", ["guide", "judge"])
 def test_shipped_figures_hold_on_a_small_held_out_set(name: str) -> None:
-    need_generator()
     folder = MODELS / name
     if not (folder / "figures.json").exists():
         pytest.skip(f"models/{name} is not in this checkout: models/train.py makes it")
@@ -251,7 +275,6 @@ def test_shipped_figures_hold_on_a_small_held_out_set(name: str) -> None:
 
 
 def test_one_minute_of_training_beats_chance(tmp_path: Path) -> None:
-    need_generator()
     command = [sys.executable, str(MODELS / "train.py"), "--smoke", "--minutes", "1", "--checkpoints", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
