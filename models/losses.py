@@ -96,5 +96,5 @@ def mask_loss(logits: Tensor, masks: Tensor, valid: Tensor, kinds: Tensor) -> Te
     chance = torch.sigmoid(logits) * valid
     dice = 1 - (2 * (chance * target).sum((1, 2)) + 1) / (chance.sum((1, 2)) + (target * valid).sum((1, 2)) + 1)
     level = (F.softplus(logits) - 0.5 * logits - 0.6931472) * valid  # cross-entropy to one half, less its least value
-    loss = torch.where(present, plain + 0.3 * inside + dice, 2 * plain)
+    loss = torch.where(present, plain + 0.3 * inside + dice, 3 * plain)
     return torch.where(photo, level.sum((1, 2)) / area, loss).mean()

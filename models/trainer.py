@@ -4,7 +4,8 @@ Stage 1 teaches the trunk to recognise single pictures, hardly augmented (augmen
 learning): cross-entropy of plain heads and of the vocabulary's words.
 Stage 2 adds captions (contrastive), twins (direction) and masks (segmenter), keeping the word cross-entropy.
 Stage 3 is stage 2 with one-step adversarial pictures every second step: x + r g/|g| with r drawn from [0, 1.5] (L2
-over the whole picture), which makes the gradients that later drive an edit follow what is seen. The learning rate falls to 5 %.
+over the whole picture), which makes the gradients that later drive an edit follow what is seen.
+The learning rate is constant in stage 1, falls from 70 to 30 % in stage 2 and to under 1 % in stage 3.
 Exported weights are an exponential average of the steps, so any moment gives a usable snapshot.
 """
 
@@ -21,13 +22,14 @@ import losses
 import torch
 from data import Augmented, Batch, augment, choose_queries, plain
 from evaluate import WORD_TEMPLATES, word_prompts
+from muon import Muon
 from network import Guidance, unit
 from torch import Tensor, nn
 from torch.nn import functional as F
 from workers import GOING
 
 # A query's chance by kind: object, part, ground, absent, attribute only, photo, addition.
-QUERY_WEIGHTS = (1.0, 1.4, 1.6, 1.2, 0.6, 0.15, 1.0)
+QUERY_WEIGHTS = (1.0, 1.4, 1.6, 1.2, 0.6, 1.2, 1.0)
 QUERIES = 0.6  # queries a picture and step
 WARP = {1: 0.5, 2: 0.6, 3: 0.7}
 PLAIN_STEPS = {1: 0.8, 2: 0.5, 3: 0.3}  # share of the steps whose pictures are not augmented
@@ -37,6 +39,7 @@ AVERAGE = 0.998
 MAX_RADIUS = 1.5
 ATTACK_STEPS = 2  # an adversarial step costs twice a plain one
 WARM_UP = 60
+MUON_RATE = 0.02
 MEETING = 8  # steps between two averagings over the workers, and of the running average
 
 
@@ -88,20 +91,26 @@ class Trainer:
         sizes = [len(vocabulary[a]) for a in WORD_TEMPLATES]
         self.heads = nn.ModuleList(nn.Linear(config["projection_dim"], k) for k in sizes).to(device)
         self.word_scale = nn.Parameter(torch.tensor(math.log(20.0), device=device))
-        self.optimiser = torch.optim.AdamW(self._groups(), lr=rate, betas=(0.9, 0.999), eps=1e-6, fused=True)
+        convolutions, groups = self._groups()
+        self.muon = Muon(convolutions)
+        self.optimiser = torch.optim.AdamW(groups, lr=rate, betas=(0.9, 0.999), eps=1e-6, fused=True)
         self.progress = Progress()
         self.average = {k: v.detach().clone().float() for k, v in self.model.state_dict().items()}
         self.recent: dict[str, float] = {}
 
-    def _groups(self) -> list[dict[str, Any]]:
-        """Matrices decay, vectors do not. The attention pool and the heads have no normalisation behind them and learn
-        at a quarter of the rate."""
+    def _groups(self) -> tuple[list[Tensor], list[dict[str, Any]]]:
+        """Muon's convolutions and AdamW's rest. Matrices decay, vectors do not. The attention pool and heads have no
+        normalisation behind them and learn at a quarter of the rate."""
+        convolutions: list[Tensor] = []
         groups: dict[tuple[bool, bool], list[Tensor]] = {}
         named = [*self.model.named_parameters(), ("word_scale", self.word_scale)]
         named += [(f"heads.{name}", p) for name, p in self.heads.named_parameters()]
         for name, p in named:
+            if p.ndim == 4 and len(p) > 1 and name != "visual.conv1.weight":
+                convolutions.append(p)
+                continue
             groups.setdefault(("attnpool" in name or name.startswith("heads"), p.ndim > 1), []).append(p)
-        return [
+        return convolutions, [
             {"params": v, "weight_decay": 0.05 if matrix else 0.0, "share": 0.25 if slow else 1.0}
             for (slow, matrix), v in groups.items()
         ]
@@ -175,12 +184,15 @@ class Trainer:
             if stage > 1:
                 parts["masks"] = self.mask_part(stages, batch, rows, columns, made)
             loss = self.total(parts)
-        self.optimiser.zero_grad()
+        optimisers = (self.muon, self.optimiser)
+        for optimiser in optimisers:
+            optimiser.zero_grad()
         loss.backward()
-        parameters = [p for g in self.optimiser.param_groups for p in g["params"]]
+        parameters = [p for o in optimisers for g in o.param_groups for p in g["params"]]
         norm = nn.utils.clip_grad_norm_(parameters, 50.0)
         if bool(torch.isfinite(norm)):
-            self.optimiser.step()
+            for optimiser in optimisers:
+                optimiser.step()
         self.advance(count * (self.workers.count if self.workers is not None else 1), parameters)
         values = {k: float(v.detach()) for k, v in parts.items()}
         for k, v in values.items():
@@ -216,11 +228,16 @@ class Trainer:
     # ---- bookkeeping ----------------------------------------------------------------------------------------------
 
     def set_rate(self, fraction: float) -> None:
-        rate = self.rate * min(1.0, (self.progress.stage_steps + 1) / WARM_UP)
-        if self.progress.stage == 3:
-            rate *= 0.05 + 0.95 * 0.5 * (1 + math.cos(math.pi * min(1.0, fraction)))
+        fraction = min(1.0, fraction)
+        share = min(1.0, (self.progress.stage_steps + 1) / WARM_UP)
+        if self.progress.stage == 2:
+            share *= 0.7 - 0.4 * fraction
+        elif self.progress.stage == 3:
+            share *= 0.3 * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * fraction)))
+        for group in self.muon.param_groups:
+            group["lr"] = MUON_RATE * share
         for group in self.optimiser.param_groups:
-            group["lr"] = rate * group["share"]
+            group["lr"] = self.rate * share * group["share"]
 
     def advance(self, count: int, parameters: list[Tensor]) -> None:
         self.progress.steps += 1
@@ -253,6 +270,7 @@ class Trainer:
                 "heads": self.heads.state_dict(),
                 "word_scale": self.word_scale.detach(),
                 "optimiser": self.optimiser.state_dict(),
+                "muon": self.muon.state_dict(),
                 "average": self.average,
                 "progress": vars(self.progress),
                 "rng": self.rng.get_state(),
@@ -268,6 +286,7 @@ class Trainer:
         self.heads.load_state_dict(saved["heads"])
         self.word_scale.data.copy_(saved["word_scale"])
         self.optimiser.load_state_dict(saved["optimiser"])
+        self.muon.load_state_dict(saved["muon"])
         self.average = {k: v.float() for k, v in saved["average"].items()}
         self.progress = Progress(**saved["progress"])
         self.rng.set_state(saved["rng"].cpu())

@@ -11,7 +11,7 @@ namespace py = pybind11;
 namespace fieldgraft {
 namespace {
 
-std::shared_ptr<EditFile> train(const std::shared_ptr<RadianceField>& field, const std::vector<EditFile>& below,
+std::shared_ptr<EditFile> run_edit(const std::shared_ptr<RadianceField>& field, const std::vector<EditFile>& below,
                                 const std::shared_ptr<Guidance>& guide, const std::shared_ptr<Scene>& scene,
                                 const py::dict& specification, const std::filesystem::path& checkpoint, bool resume,
                                 const std::filesystem::path& preview, const py::object& progress) {
@@ -33,7 +33,7 @@ std::shared_ptr<EditFile> train(const std::shared_ptr<RadianceField>& field, con
 }  // namespace
 
 void bind_edit(py::module_& m) {
-    m.def("train_edit", &train, py::arg("field"), py::arg("below"), py::arg("guide"), py::arg("scene").none(true),
+    m.def("train_edit", &run_edit, py::arg("field"), py::arg("below"), py::arg("guide"), py::arg("scene").none(true),
           py::arg("specification"), py::arg("checkpoint"), py::arg("resume"), py::arg("preview"), py::arg("progress"));
     m.def("load_guide",
           [](const std::filesystem::path& folder, const std::filesystem::path& segmenter) {

@@ -11,7 +11,7 @@ namespace py = pybind11;
 namespace fieldgraft {
 namespace {
 
-std::shared_ptr<RadianceField> train(const Scene& scene, std::optional<double> minutes,
+std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<double> minutes,
                                      std::optional<std::int64_t> iterations, const std::string& quality,
                                      std::uint64_t seed, const std::filesystem::path& checkpoint, bool resume,
                                      const py::object& progress) {
@@ -32,7 +32,7 @@ std::shared_ptr<RadianceField> train(const Scene& scene, std::optional<double> m
 }  // namespace
 
 void bind_train(py::module_& m) {
-    m.def("train", &train, py::arg("scene"), py::kw_only(), py::arg("minutes") = py::none(),
+    m.def("train", &run_training, py::arg("scene"), py::kw_only(), py::arg("minutes") = py::none(),
           py::arg("iterations") = py::none(), py::arg("quality") = "preview", py::arg("seed") = 0,
           py::arg("checkpoint") = std::filesystem::path(), py::arg("resume") = false, py::arg("progress") = py::none(),
           "Scene → Field. Trains for minutes, iterations, or a quality's time (draft, preview, final).\n\n"

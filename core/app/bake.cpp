@@ -8,14 +8,14 @@
 namespace fieldgraft::app {
 namespace {
 
-struct Options {
+struct BakeArguments {
     std::vector<std::string> files;
     std::string output;
     BakeOptions bake;
     bool full_precision = false;
 };
 
-void run(const CommonOptions& common, Options options) {
+void run_bake(const CommonOptions& common, BakeArguments options) {
     const Reporter reporter = console_reporter(common, "bake");
     const FieldWithEdits scene = load_field_and_edits(options.files, reporter);
     options.bake.half_precision = !options.full_precision;
@@ -28,7 +28,7 @@ void run(const CommonOptions& common, Options options) {
 }  // namespace
 
 void add_bake(Program& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<BakeArguments>();
     CLI::App* app = program.command("bake", "sample a field, with edits, into an OpenVDB file");
     app->add_option("FILES", options->files, "FIELD [EDIT[:add=X,remove=X,change=X]…]")->required();
     app->add_option("-o,--output", options->output, "OUT.vdb")->required();
@@ -44,7 +44,7 @@ void add_bake(Program& program) {
     app->add_option("--supersample", options->bake.supersample, "density samples along each axis of a voxel")
         ->check(CLI::Range(1, 8));
     app->add_flag("--full-precision", options->full_precision, "float32 on disk rather than half");
-    app->callback([&program, options] { program.action = [&program, options] { run(program.common, *options); }; });
+    app->callback([&program, options] { program.action = [&program, options] { run_bake(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

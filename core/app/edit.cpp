@@ -9,7 +9,7 @@
 namespace fieldgraft::app {
 namespace {
 
-struct Options {
+struct EditArguments {
     std::vector<std::string> files, masks, weights;
     std::string output, source, target, ops, scene, guidance, segmenter, preset = "builtin", quality, region_text, preview;
     double tau_add = -1, tau_remove = -1, tau_change = -1, minutes = 0;
@@ -29,7 +29,7 @@ void set_weights(EditSpec& spec, const std::vector<std::string>& weights) {
 }
 
 // The preset, changed by whatever the user named.
-EditSpec specification(const CommonOptions& common, const Options& options) {
+EditSpec specification(const CommonOptions& common, const EditArguments& options) {
     EditSpec spec = EditSpec::from_preset(options.preset, Operations::parse(options.ops));
     spec.source = options.source;
     spec.target = options.target;
@@ -54,7 +54,7 @@ EditSpec specification(const CommonOptions& common, const Options& options) {
     return spec;
 }
 
-void run(const CommonOptions& common, const Options& options) {
+void run_edit(const CommonOptions& common, const EditArguments& options) {
     const Reporter reporter = console_reporter(common, "edit");
     const EditSpec spec = specification(common, options);
     FieldWithEdits base = load_field_and_edits(options.files, reporter);
@@ -81,7 +81,7 @@ void run(const CommonOptions& common, const Options& options) {
     print_done(common, figures);
 }
 
-void add_text_options(CLI::App* app, Options& options) {
+void add_text_options(CLI::App* app, EditArguments& options) {
     app->add_option("--source", options.source, "what is there, e.g. \"bulldozer\"")->required();
     app->add_option("--target", options.target, "what it becomes, e.g. \"red bulldozer\"")->required();
     app->add_option("--ops", options.ops, "change, add, remove, or several with commas")->required();
@@ -93,7 +93,7 @@ void add_text_options(CLI::App* app, Options& options) {
     app->add_flag("--mask-only", options.mask_only, "use the masks instead of the segmenter");
 }
 
-void add_schedule_options(CLI::App* app, Options& options) {
+void add_schedule_options(CLI::App* app, EditArguments& options) {
     app->add_option("--preset", options.preset, "builtin, paper-hash, paper-mlp");
     app->add_option("--tau-add", options.tau_add, "share that may be added")->check(CLI::Range(0.0, 1.0));
     app->add_option("--tau-remove", options.tau_remove, "share that may be removed")->check(CLI::Range(0.0, 1.0));
@@ -113,7 +113,7 @@ void add_schedule_options(CLI::App* app, Options& options) {
 }  // namespace
 
 void add_edit(Program& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<EditArguments>();
     CLI::App* app = program.command("edit", "edit a field from a text prompt");
     app->add_option("FILES", options->files, "FIELD [EDIT…]: the edits below this one")->required();
     app->add_option("-o,--output", options->output, "the edit, EDIT.safetensors")->required();
@@ -121,7 +121,7 @@ void add_edit(Program& program) {
     add_schedule_options(app, *options);
     app->add_option("--preview", options->preview, "a PNG that shows the edit while it trains");
     app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");
-    app->callback([&program, options] { program.action = [&program, options] { run(program.common, *options); }; });
+    app->callback([&program, options] { program.action = [&program, options] { run_edit(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

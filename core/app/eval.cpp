@@ -11,7 +11,7 @@
 namespace fieldgraft::app {
 namespace {
 
-struct Options {
+struct EvalArguments {
     std::vector<std::string> files, views, region_masks;
     std::string scene, split = "test", judge, source, target;
     PictureOptions picture;
@@ -43,7 +43,7 @@ void report_progress(const Reporter& reporter, std::size_t done, std::size_t all
 }
 
 // PSNR of a split is the mean over its views, as the literature reports it.
-Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::vector<View>& views, const Options& options,
+Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::vector<View>& views, const EvalArguments& options,
                     const Reporter& reporter) {
     const FieldWithEdits field{base.field, {}};
     double psnr_sum = 0, ssim_sum = 0, seconds = 0;
@@ -62,7 +62,7 @@ Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::v
     return {{"psnr", psnr_sum / count}, {"ssim", ssim_sum / count}, {"seconds_per_view", seconds / count}, {"views", views.size()}};
 }
 
-Json evaluate_edits(const FieldWithEdits& scene, const std::vector<View>& views, const Options& options,
+Json evaluate_edits(const FieldWithEdits& scene, const std::vector<View>& views, const EvalArguments& options,
                     const Reporter& reporter) {
     std::vector<NamedFile> masks;
     for (const std::string& argument : options.region_masks) masks.push_back(parse_view_file(argument, "--region-mask"));
@@ -90,7 +90,7 @@ Json evaluate_edits(const FieldWithEdits& scene, const std::vector<View>& views,
     return measure_edit(pairs, judge.get(), source, target).to_json();
 }
 
-void run(const CommonOptions& common, const Options& options) {
+void run_eval(const CommonOptions& common, const EvalArguments& options) {
     if (options.picture.background == "transparent") input_error("--background transparent: pictures are compared over white or black");
     const Reporter reporter = console_reporter(common, "eval");
     const FieldWithEdits fields = load_field_and_edits(options.files, reporter);
@@ -104,7 +104,7 @@ void run(const CommonOptions& common, const Options& options) {
 }  // namespace
 
 void add_eval(Program& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<EvalArguments>();
     CLI::App* app = program.command("eval", "measure a field against its scene, and what edits changed");
     app->add_option("FILES", options->files, "FIELD [EDIT[:add=X,remove=X,change=X]…]")->required();
     app->add_option("--scene", options->scene, "the scene to compare with")->required();
@@ -115,7 +115,7 @@ void add_eval(Program& program) {
     app->add_option("--target", options->target, "target prompt (default: the last edit's)");
     app->add_option("--region-mask", options->region_masks, "VIEW:FILE, white where the edit should act (repeatable)");
     add_picture_flags(app, options->picture);
-    app->callback([&program, options] { program.action = [&program, options] { run(program.common, *options); }; });
+    app->callback([&program, options] { program.action = [&program, options] { run_eval(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

@@ -9,14 +9,14 @@
 namespace fieldgraft::app {
 namespace {
 
-struct Options {
+struct RenderArguments {
     std::vector<std::string> files, views;
     std::string scene, split = "test", cameras, output;
     PictureOptions picture;
     bool maps = false;
 };
 
-std::vector<Camera> cameras_to_render(const Options& options, const RadianceField& field, const Reporter& reporter) {
+std::vector<Camera> cameras_to_render(const RenderArguments& options, const RadianceField& field, const Reporter& reporter) {
     std::vector<Camera> cameras;
     if (!options.cameras.empty()) {
         const Frame frame = Frame::from_matrix(field.geometry().frame);
@@ -45,7 +45,7 @@ void write_maps(const std::filesystem::path& stem, const FieldWithEdits& scene, 
     write(any.change, "changed", picture.changed);
 }
 
-void run(const CommonOptions& common, const Options& options) {
+void run_render(const CommonOptions& common, const RenderArguments& options) {
     const Reporter reporter = console_reporter(common, "render");
     const FieldWithEdits scene = load_field_and_edits(options.files, reporter);
     const std::vector<Camera> cameras = cameras_to_render(options, *scene.field, reporter);
@@ -71,7 +71,7 @@ void run(const CommonOptions& common, const Options& options) {
 }  // namespace
 
 void add_render(Program& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<RenderArguments>();
     CLI::App* app = program.command("render", "draw a field, with edits, from a scene's or a path's cameras");
     app->add_option("FILES", options->files, "FIELD [EDIT[:add=X,remove=X,change=X]…]")->required();
     auto* scene = app->add_option("--scene", options->scene, "the scene whose cameras to use");
@@ -82,7 +82,7 @@ void add_render(Program& program) {
     app->add_option("-o,--output", options->output, "folder for NAME.png and NAME.exr")->required();
     app->add_flag("--maps", options->maps, "also NAME_added, NAME_removed, NAME_changed");
     add_picture_flags(app, options->picture);
-    app->callback([&program, options] { program.action = [&program, options] { run(program.common, *options); }; });
+    app->callback([&program, options] { program.action = [&program, options] { run_render(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

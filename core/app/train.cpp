@@ -9,7 +9,7 @@
 namespace fieldgraft::app {
 namespace {
 
-struct Options {
+struct TrainArguments {
     std::string scene, output, backbone = "hash";
     TrainOptions train;
     double minutes = 0, downscale = 1;
@@ -17,7 +17,7 @@ struct Options {
     bool resume = false;
 };
 
-void run(const CommonOptions& common, Options options) {
+void run_train(const CommonOptions& common, TrainArguments options) {
     if (options.backbone != "hash")
         input_error("--backbone {}: this version trains the hash backbone; use --backbone hash", options.backbone);
     if (options.minutes > 0) options.train.minutes = options.minutes;
@@ -45,7 +45,7 @@ void run(const CommonOptions& common, Options options) {
 }  // namespace
 
 void add_train(Program& program) {
-    auto options = std::make_shared<Options>();
+    auto options = std::make_shared<TrainArguments>();
     CLI::App* app = program.command("train", "fit a field to a scene's images");
     app->add_option("SCENE", options->scene, "folder or transforms*.json: NeRF-synthetic, nerfstudio, instant-ngp")->required();
     app->add_option("-o,--output", options->output, "the field, FIELD.safetensors")->required();
@@ -58,7 +58,7 @@ void add_train(Program& program) {
     iterations->excludes(quality);
     app->add_option("--downscale", options->downscale, "reduce the images by this factor")->check(CLI::Range(1.0, 64.0));
     app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");
-    app->callback([&program, options] { program.action = [&program, options] { run(program.common, *options); }; });
+    app->callback([&program, options] { program.action = [&program, options] { run_train(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app
