@@ -45,7 +45,8 @@ endfunction()
 # (so all of them are compiled -fPIC: executables too).
 function(fieldgraft_precompiled_header target)
     if(target STREQUAL fieldgraft_base)
-        target_precompile_headers(${target} PRIVATE ${CMAKE_SOURCE_DIR}/core/base/torch.h)
+        target_precompile_headers(${target} PRIVATE ${CMAKE_SOURCE_DIR}/core/base/torch.h <nlohmann/json.hpp>
+                                   <spdlog/fmt/fmt.h> <filesystem>)
     else()
         set_target_properties(${target} PROPERTIES POSITION_INDEPENDENT_CODE OFF)
         target_compile_options(${target} PRIVATE -fPIC)
