@@ -13,7 +13,7 @@ namespace {
 
 std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<double> minutes,
                                      std::optional<std::int64_t> iterations, const std::string& quality,
-                                     std::uint64_t seed, const std::filesystem::path& checkpoint, bool resume,
+                                     std::uint64_t seed, const std::optional<std::filesystem::path>& checkpoint, bool resume,
                                      const py::object& progress) {
     TrainOptions options;
     options.minutes = minutes;
@@ -21,7 +21,7 @@ std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<do
     options.quality = quality;
     options.seed = seed;
     return run_reporting(progress, [&](const Reporter& reporter) {
-        const TrainResult result = train_field(scene, options, reporter, checkpoint, resume);
+        const TrainResult result = train_field(scene, options, reporter, checkpoint.value_or(""), resume);
         Json done = result.report.to_json();
         done["event"] = "done";
         reporter.event(done);
@@ -34,7 +34,7 @@ std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<do
 void bind_train(py::module_& m) {
     m.def("train", &run_training, py::arg("scene"), py::kw_only(), py::arg("minutes") = py::none(),
           py::arg("iterations") = py::none(), py::arg("quality") = "preview", py::arg("seed") = 0,
-          py::arg("checkpoint") = std::filesystem::path(), py::arg("resume") = false, py::arg("progress") = py::none(),
+          py::arg("checkpoint") = py::none(), py::arg("resume") = false, py::arg("progress") = py::none(),
           "Scene → Field. Trains for minutes, iterations, or a quality's time (draft, preview, final).\n\n"
           "progress is called with the events of docs/formats.md, the figures last ({'event': 'done', …}); it stops the\n"
           "training by returning False: Cancelled is raised once the checkpoint, if one is named, is written.");

@@ -39,9 +39,9 @@ def edit(
     segmenter: str | os.PathLike[str] | None = None,
     masks: Mapping[str, str | os.PathLike[str]] | None = None,
     mask_only: bool = False,
-    checkpoint: str | os.PathLike[str] = "",
+    checkpoint: str | os.PathLike[str] | None = None,
     resume: bool = False,
-    preview: str | os.PathLike[str] = "",
+    preview: str | os.PathLike[str] | None = None,
     progress: Callable[[dict[str, Any]], bool | None] | None = None,
     **settings: Any,
 ) -> Edit:
@@ -54,7 +54,7 @@ def edit(
     """
     if not isinstance(guidance, Guidance):
         folder = Path(guidance) if guidance is not None else builtin_model()
-        guidance = _core.load_guide(folder, Path(segmenter) if segmenter is not None else Path())
+        guidance = _core.load_guide(folder, segmenter)
     specification: dict[str, Any] = {
         **settings,
         "source": source,
@@ -72,8 +72,8 @@ def edit(
         guidance,
         scene,
         specification,
-        Path(checkpoint) if checkpoint else Path(),
+        checkpoint,
         resume,
-        Path(preview) if preview else Path(),
+        preview,
         progress,
     )
