@@ -64,7 +64,7 @@ class Stream:
     """An endless stream of batches, a few made ahead by a background thread (the generator releases the GIL).
 
     A generated batch comes twice: fresh, and once more, augmented anew, after about `KEPT` other batches; drawing a
-    picture costs about half as much as training on it. `generator` may be changed at any time.
+    picture costs time too. `generator` may be changed at any time.
     """
 
     KEPT = 60
@@ -118,8 +118,7 @@ class Stream:
 class Singles:
     """Batches of unrelated pictures (no queries or captions) out of a stream's last `KEPT`, each used about twice.
 
-    What a scene is, is learnt faster from different scenes than from twins: a classifier was 1.5 times as far after
-    20,000 pictures.
+    What a scene is, is learnt faster from different scenes than from twins.
     """
 
     KEPT = 3000
@@ -274,8 +273,7 @@ def read_settings(path: Path) -> str:
 
 
 # One object, whole, large, from the side, on white: where a lesson starts. The held-out settings are the generator's
-# defaults, where it ends. Started at the end, shapes stay at chance for the first 100,000 pictures (36 of them; a
-# plain classifier then reaches 7 %); started here, the same trunk reaches 41 % after 36,000.
+# defaults, where it ends. A run that started at the end still told no shapes apart after a quarter of an hour.
 EASY = {
     "addition": 0.0,
     "second_object": 0.0,

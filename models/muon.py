@@ -2,8 +2,8 @@
 
 A weight O x I x h x w is the matrix O x (I h w), K = I h w. Step: m <- b m + g, then
 W <- (1 - rate decay) W - rate sqrt(max(1, O / K)) NS(g + b m), NS a few quintic Newton-Schulz iterations, in bfloat16.
-torch.optim.Muon takes only matrices. Beside AdamW, on the same trunk and pictures, 93 seconds told shapes apart at
-47 % rather than 30 %.
+torch.optim.Muon takes only matrices. Beside AdamW, on the same trunk and pictures for the same time, it told clearly
+more shapes apart.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
 """One training step of each stage, and the state that survives between runs.
 
-Stage 1 teaches the trunk to recognise single pictures, hardly augmented (augmenting all of them halved the speed of
+Stage 1 teaches the trunk to recognise single pictures, hardly augmented (augmenting all of them slowed
 learning): cross-entropy of plain heads and of the vocabulary's words.
 Stage 2 adds captions (contrastive), twins (direction) and masks (segmenter), keeping the word cross-entropy.
 Stage 3 is stage 2 with one-step adversarial pictures every second step: x + r g/|g| with r drawn from [0, 1.5] (L2

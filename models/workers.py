@@ -1,9 +1,9 @@
 """Data-parallel training on the cores of one machine: one process a core, weights averaged every few steps.
 
-Each process takes its own steps (local SGD, Stich 2019); averaging gradients every step cost a third of the time on
-two cores, and one thread pool that meets in every operation gained nothing over one core. Rank 0 builds the run, saves
-a checkpoint, then starts the others, which restore it; its wish to stop travels with the weights, so that all ranks
-take the same number of steps.
+Each process takes its own steps (local SGD, Stich 2019); averaging gradients every step cost much of what the
+second core brought, and one thread pool that meets in every operation brought nothing over one core. Rank 0 builds
+the run, saves a checkpoint, then starts the others, which restore it; its wish to stop travels with the weights, so
+that all ranks take the same number of steps.
 """
 
 from __future__ import annotations
