@@ -23,6 +23,10 @@ from run import commit, done_event, measure
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
+sys.path.insert(0, str(ROOT / "demo"))
+
+from sheets import edit_map, picture, sheet  # noqa: E402
+
 VIEWS = ["r_176", "r_0", "r_152"]
 TILE = 256
 
@@ -70,30 +74,6 @@ def turned_share(before: Path, after: Path, views: list[str], hues: dict[str, li
 
 def psnr(a: Path, b: Path) -> float:
     return float(-10 * np.log10(np.mean((pixels(a) - pixels(b)) ** 2)))
-
-
-def tile(path: Path) -> Image.Image:
-    return Image.open(path).convert("RGB").resize((TILE, TILE), Image.Resampling.LANCZOS)
-
-
-def maps_tile(folder: Path, view: str) -> Image.Image:
-    channels = []
-    for name in ("added", "changed", "removed"):
-        path = folder / f"{view}_{name}.png"
-        channels.append(
-            Image.open(path).convert("L").resize((TILE, TILE)) if path.exists() else Image.new("L", (TILE, TILE))
-        )
-    return Image.merge("RGB", channels)
-
-
-def sheet(rows: list[list[Image.Image]], titles: list[str], path: Path) -> None:
-    page = Image.new("RGB", (len(titles) * (TILE + 4) + 4, len(rows) * (TILE + 4) + 22), "white")
-    draw = ImageDraw.Draw(page)
-    for x, title in enumerate(titles):
-        draw.text((4 + x * (TILE + 4), 5), title, fill="black")
-        for y, row in enumerate(rows):
-            page.paste(row[x], (4 + x * (TILE + 4), 20 + y * (TILE + 4)))
-    page.save(path, optimize=True)
 
 
 class Results:
@@ -159,9 +139,12 @@ class Results:
             self.report.setdefault("edits", {})[name] = spec | figures
             self.save()
             print(json.dumps({name: figures}), file=sys.stderr, flush=True)
-            rows = [[tile(original / f"{v}.png"), tile(folder / f"{v}.png"), maps_tile(folder, v)] for v in VIEWS]
+            rows = [
+                [picture(original / f"{v}.png", TILE), picture(folder / f"{v}.png", TILE), edit_map(folder, v, TILE)]
+                for v in VIEWS
+            ]
             titles = ["original", f"{spec['ops']}: {spec['target']}", "added changed removed (r g b)"]
-            sheet(rows, titles, self.out / f"lego_{name}.png")
+            sheet(rows, titles, TILE).save(self.out / f"lego_{name}.png", optimize=True)
 
     def bake(self) -> None:
         """Cycles' picture of the baked volume against ours of the same medium, and what view-independence costs."""
@@ -187,8 +170,9 @@ class Results:
         }
         self.save()
         print(json.dumps(self.report["bake"]), file=sys.stderr, flush=True)
-        rows = [[tile(f / f"{v}.png") for f in (original, same, cycles)] for v in VIEWS]
-        sheet(rows, ["field", "view-independent colour", "Cycles, from the .vdb"], self.out / "lego_bake.png")
+        rows = [[picture(f / f"{v}.png", TILE) for f in (original, same, cycles)] for v in VIEWS]
+        titles = ["field", "view-independent colour", "Cycles, from the .vdb"]
+        sheet(rows, titles, TILE).save(self.out / "lego_bake.png", optimize=True)
 
 
 def main() -> None:

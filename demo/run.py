@@ -16,7 +16,7 @@ import time
 from pathlib import Path
 
 import numpy as np
-from PIL import Image, ImageDraw
+from sheets import edit_map, picture, sheet
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -36,37 +36,6 @@ def run(step: str, command: list[str | Path]) -> float:
 def test_views(scene: Path, count: int) -> list[str]:
     frames = json.loads((scene / "transforms_test.json").read_text())["frames"]
     return [Path(f["file_path"]).stem for f in frames[:: max(1, len(frames) // count)]][:count]
-
-
-def picture(path: Path, size: int) -> Image.Image:
-    if not path.exists():
-        sys.exit(f"demo: {path} was not written")
-    image = Image.open(path).convert("RGBA")
-    white = Image.new("RGBA", image.size, (255, 255, 255, 255))
-    return Image.alpha_composite(white, image).convert("RGB").resize((size, size), Image.Resampling.LANCZOS)
-
-
-def edit_map(folder: Path, view: str, size: int) -> Image.Image:
-    """The three maps as one picture on black: red added, green changed, blue removed."""
-    channels = []
-    for name in ("added", "changed", "removed"):
-        path = folder / f"{view}_{name}.png"
-        channels.append(
-            Image.open(path).convert("L").resize((size, size)) if path.exists() else Image.new("L", (size, size))
-        )
-    return Image.merge("RGB", channels)
-
-
-def sheet(rows: list[list[Image.Image]], titles: list[str], size: int) -> Image.Image:
-    gap, top = 6, 20
-    width, height = len(titles) * (size + gap) + gap, top + len(rows) * (size + gap)
-    page = Image.new("RGB", (width, height), "white")
-    draw = ImageDraw.Draw(page)
-    for x, title in enumerate(titles):
-        draw.text((gap + x * (size + gap), 4), title, fill="black")
-        for y, row in enumerate(rows):
-            page.paste(row[x], (gap + x * (size + gap), top + y * (size + gap)))
-    return page
 
 
 def main() -> None:

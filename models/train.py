@@ -29,52 +29,29 @@ from tokenizer import CaptionTokenizer, write_text
 from trainer import Trainer
 from workers import FINISHED, GOING, INTERRUPTED, Workers, rank
 
+TRUNK = {"width": 32, "layers": (1, 1, 1, 1), "stem_pool": True, "reduce_dim": 32, "text_width": 128}
+
 PLANS: dict[str, dict[str, Any]] = {
     "guide": {
         "seed": 1,
         "split": "train",
         "minutes": (60.0, 90.0, 90.0),
         "pairs": 32,
-        "network": {
-            "width": 32,
-            "layers": (1, 1, 1, 1),
-            "stem_pool": True,
-            "stages": (0, 1, 2, 3, 4),
-            "reduce_dim": 32,
-            "text_width": 128,
-        },
+        "network": TRUNK | {"stages": (0, 1, 2, 3, 4)},
     },
     "judge": {
         "seed": 2,
         "split": "judge_train",
         "minutes": (30.0, 45.0, 30.0),
         "pairs": 24,
-        "network": {
-            "width": 32,
-            "layers": (1, 1, 1, 1),
-            "stem_pool": True,
-            "stages": (1, 2, 3, 4),
-            "reduce_dim": 32,
-            "dim": 192,
-            "text_width": 128,
-            "text_layers": 2,
-        },
+        "network": TRUNK | {"stages": (1, 2, 3, 4), "dim": 192, "text_layers": 2},
     },
     "smoke": {
         "seed": 3,
         "split": "train",
         "minutes": (0.5, 0.3, 0.0),
         "pairs": 32,
-        "network": {
-            "width": 32,
-            "layers": (1, 1, 1, 1),
-            "stem_pool": True,
-            "stages": (1, 2, 3, 4),
-            "reduce_dim": 32,
-            "dim": 128,
-            "text_width": 128,
-            "text_layers": 2,
-        },
+        "network": TRUNK | {"stages": (1, 2, 3, 4), "dim": 128, "text_layers": 2},
     },
 }
 CHECKPOINT_MINUTES = 2.0
