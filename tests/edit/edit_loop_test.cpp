@@ -7,21 +7,12 @@
 #include "core/edit/adam.h"
 #include "core/edit/metrics.h"
 #include "core/edit/vote_grid.h"
+#include "tests/base/one_thread.h"
 #include "tests/edit/edit_fixtures.h"
 
 namespace fieldgraft {
 namespace {
 
-// Sums over many threads differ in the last bits; these tests compare bits.
-class OneThread : public ::testing::Test {
-  protected:
-    void SetUp() override {
-        threads_ = at::get_num_threads();
-        at::set_num_threads(1);
-    }
-    void TearDown() override { at::set_num_threads(threads_); }
-    int threads_ = 1;
-};
 using EditLoop = OneThread;
 
 TEST_F(EditLoop, TrainsAndKeepsToItsRegion) {

@@ -9,6 +9,7 @@
 #include "core/base/files.h"
 #include "core/render/image_metrics.h"
 #include "core/train/checkpoint.h"
+#include "tests/base/one_thread.h"
 
 namespace fieldgraft {
 namespace {
@@ -64,15 +65,7 @@ fs::path temporary(const std::string& name) {
     return folder / name;
 }
 
-class Train : public ::testing::Test {
-  protected:
-    void SetUp() override {
-        threads_ = at::get_num_threads();
-        at::set_num_threads(1);
-    }
-    void TearDown() override { at::set_num_threads(threads_); }
-    int threads_ = 1;
-};
+using Train = OneThread;
 
 TEST_F(Train, LearnsABall) {
     std::vector<Json> events;
