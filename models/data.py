@@ -294,6 +294,11 @@ EASY = {
 }
 
 
+# Several things at a time, often of one colour, and questions that colour alone would answer wrongly: what scenes
+# are like. The segmenter that saw few of them took a yellow ring for the yellow monkey beside it.
+CROWDED = {"second_object": 0.35, "several": 0.05, "clutter": 0.6, "alike": 0.4, "shape_for_shape": 0.45}
+
+
 def lesson(level: float) -> str:
     """Generator settings `level` of the way from EASY (0) to the full difficulty (1), as JSON."""
     if level >= 1:

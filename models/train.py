@@ -21,12 +21,12 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from data import ROOT, Singles, Stream, lesson, load_generator_module, read_settings
+from data import CROWDED, ROOT, Singles, Stream, lesson, load_generator_module, read_settings
 from evaluate import card, evaluate, heldout_generator, write_figures
 from folder import load_folder, save_folder
 from network import CONTEXT_LENGTH, default_config
 from tokenizer import CaptionTokenizer, write_text
-from trainer import Trainer
+from trainer import RATE, Trainer
 from workers import FINISHED, GOING, INTERRUPTED, Workers, rank
 
 TRUNK = {"width": 32, "layers": (1, 1, 1, 1), "stem_pool": True, "reduce_dim": 32, "text_width": 128}
@@ -77,6 +77,7 @@ class Run:
             module.Generator(seed=stream_seed + 31 * i, split=split, size=64, settings=lesson(i / LESSONS))
             for i in range(LESSONS if not args.settings else 0)
         ]
+        self.crowded = module.Generator(seed=stream_seed + 997, split=split, size=64, settings=json.dumps(CROWDED))
         self.vocabulary = self.generator.vocabulary()
         self.tokenizer, config = self._tokenizer_and_config(resumed)
         self.trainer = Trainer(config, self.tokenizer, self.vocabulary, seed, args.device, args.rate)
@@ -140,7 +141,8 @@ class Run:
             # Stage 1 starts with easy pictures; its last fifth has the full difficulty.
             level = int(progress.minutes / minutes * (LESSONS + 1))
             easy = stage == 1 and level < len(self.lessons)
-            stream.generator = self.lessons[level] if easy else self.generator
+            crowded = stage > 1 and progress.steps % 4 > 1  # half of the batches, as the stream draws every second one
+            stream.generator = self.lessons[level] if easy else self.crowded if crowded else self.generator
             self.trainer.step(next(pictures), progress.minutes / minutes)
             now = time.monotonic()
             # A step that took very long was suspended: that is no training time.
@@ -235,7 +237,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--workers", type=int, default=2, help="processes that share the work")
     parser.add_argument("--threads", type=int, default=1, help="threads of each process")
     parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))
-    parser.add_argument("--rate", type=float, default=1e-3, help="peak learning rate")
+    parser.add_argument("--rate", type=float, default=RATE, help="peak learning rate")
     parser.add_argument("--from", dest="start", type=Path, help="start from this guidance folder's weights")
     parser.add_argument("--fresh", action="store_true", help="ignore the checkpoint")
     parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own")

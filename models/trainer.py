@@ -39,6 +39,7 @@ AVERAGE = 0.998
 MAX_RADIUS = 1.5
 ATTACK_STEPS = 2  # an adversarial step costs twice a plain one
 WARM_UP = 60
+RATE = 1e-3  # AdamW's peak rate; `--rate` scales Muon's with it
 MUON_RATE = 0.02
 MEETING = 8  # steps between two averagings over the workers, and of the running average
 
@@ -235,7 +236,7 @@ class Trainer:
         elif self.progress.stage == 3:
             share *= 0.3 * (0.02 + 0.98 * 0.5 * (1 + math.cos(math.pi * fraction)))
         for group in self.muon.param_groups:
-            group["lr"] = MUON_RATE * share
+            group["lr"] = MUON_RATE * share * self.rate / RATE
         for group in self.optimiser.param_groups:
             group["lr"] = self.rate * share * group["share"]
 

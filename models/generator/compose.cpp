@@ -153,6 +153,17 @@ void draw_surroundings(SceneSpec& scene, const Settings& s, Rng rng) {
 
 namespace {
 
+// An object beside the main one: with chance `alike` of its colour, if a few draws find one.
+ObjectSpec draw_neighbour(Role role, const ObjectSpec& main, const Settings& s, Filter filter, Rng rng) {
+    constexpr int kDraws = 24;
+    const bool alike = s.alike > 0 && main.colour >= 0 && rng.fork(90).chance(s.alike);
+    ObjectSpec neighbour = draw_object(role, s, filter, rng);
+    for (int i = 0; alike && neighbour.colour != main.colour && i < kDraws; ++i) {
+        neighbour = draw_object(role, s, filter, rng.fork(100 + static_cast<uint64_t>(i)));
+    }
+    return neighbour;
+}
+
 SceneSpec draw_scene(const Settings& s, Filter filter, Rng rng) {
     SceneSpec scene;
     scene.view_seed = rng.next();
@@ -174,9 +185,10 @@ SceneSpec draw_scene(const Settings& s, Filter filter, Rng rng) {
         }
         taken = 3 * radius;
     } else if (extra < s.several + s.second_object) {
-        ObjectSpec second = draw_object(Role::kSecond, s, filter == Filter::kHeldOut ? Filter::kTrain : filter, more);
+        const Filter common = filter == Filter::kHeldOut ? Filter::kTrain : filter;
+        ObjectSpec second = draw_neighbour(Role::kSecond, main, s, common, more);
         for (int attempt = 1; second.shape == main.shape; ++attempt) {
-            second = draw_object(Role::kSecond, s, Filter::kTrain, more.fork(static_cast<uint64_t>(attempt)));
+            second = draw_neighbour(Role::kSecond, main, s, Filter::kTrain, more.fork(static_cast<uint64_t>(attempt)));
         }
         second.size = more.uniform(0.6f, 1.0f);
         place_beside(second, radius, angle, more.uniform(0.05f, 0.3f));
@@ -189,7 +201,8 @@ SceneSpec draw_scene(const Settings& s, Filter filter, Rng rng) {
     Rng props = rng.fork(3);
     const int clutter = props.chance(s.clutter) ? props.between(1, 3) : 0;
     for (int i = 0; i < clutter; ++i) {
-        ObjectSpec prop = draw_object(Role::kClutter, s, Filter::kTrain, props.fork(static_cast<uint64_t>(i)));
+        ObjectSpec prop =
+            draw_neighbour(Role::kClutter, main, s, Filter::kTrain, props.fork(static_cast<uint64_t>(i)));
         prop.size = props.uniform(0.15f, 0.45f);
         place_beside(prop, taken, props.uniform(0, 2 * kPi), props.uniform(0.05f, 0.7f));
         scene.objects.push_back(prop);

@@ -13,8 +13,8 @@ constexpr int kFewestSamples = 14;  // of the four a pixel has
 
 class Asker {
   public:
-    Asker(const SceneSpec& spec, const World& world, const Frame& frame, Rng rng)
-        : spec_(spec), sight_(spec, world, frame), rng_(rng) {}
+    Asker(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings, Rng rng)
+        : spec_(spec), settings_(settings), sight_(spec, world, frame), rng_(rng) {}
 
     std::vector<Query> ask() {
         std::vector<Query> list;
@@ -196,6 +196,7 @@ class Asker {
     }
 
     std::optional<Query> absent() {
+        if (settings_.shape_for_shape > 0 && rng_.chance(settings_.shape_for_shape)) return absent_shape_of_colour();
         const float form = rng_.uniform();
         if (form < 0.3f) return absent_shape();
         if (form < 0.5f) return absent_colour_of_shape();
@@ -215,6 +216,16 @@ class Asker {
         w.shape = rng_.below(shape_count());
         const bool synonym = rng_.chance(0.1f);
         return empty(dressed(noun(w.shape, false, synonym, rng_.fork(5))), w);
+    }
+
+    // The colour is there, on another shape.
+    std::optional<Query> absent_shape_of_colour() {
+        const Primitive* p = seen_primitive(false);
+        if (!p || sight_.owner(*p).colour < 0) return std::nullopt;
+        Wanted w;
+        w.colour = sight_.owner(*p).colour;
+        w.shape = rng_.below(shape_count());
+        return empty(dressed(std::string(colour_name(w.colour)) + " " + std::string(shape_info(w.shape).name)), w);
     }
 
     // The shape is likely to be there, the colour is not.
@@ -278,14 +289,16 @@ class Asker {
     }
 
     const SceneSpec& spec_;
+    const Settings& settings_;
     Sight sight_;
     Rng rng_;
 };
 
 }  // namespace
 
-std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, Rng rng) {
-    return Asker(spec, world, frame, rng).ask();
+std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings,
+                                Rng rng) {
+    return Asker(spec, world, frame, settings, rng).ask();
 }
 
 }  // namespace fieldgraft::generator

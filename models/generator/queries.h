@@ -8,6 +8,7 @@
 #include <vector>
 
 #include "models/generator/render.h"
+#include "models/generator/settings.h"
 #include "models/generator/spec.h"
 #include "models/generator/world.h"
 
@@ -22,6 +23,7 @@ struct Query {
     std::vector<uint8_t> mask;  // size x size, 0 or 1
 };
 
-std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, Rng rng);
+std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings,
+                                Rng rng);
 
 }  // namespace fieldgraft::generator

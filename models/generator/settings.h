@@ -19,9 +19,12 @@ struct Settings {
     float own_part_colours = 1.0f;  // scales each part's own chance
     float addition = 0.12f, second_object = 0.12f, several = 0.05f;
     float clutter = 0.35f;
+    float alike = 0.0f;  // second objects and clutter in the main object's colour, as far as combinations allow
     float primitive_tumbles = 0.25f;
     // Captions.
     float say_ground = 0.12f, say_part = 0.3f, synonym = 0.12f, bare = 0.08f, prefix = 0.35f;
+    // Queries.
+    float shape_for_shape = 0.0f;  // of the absent ones: a seen colour with a shape that is not there
     // View.
     float elevation_min = 0.0f, elevation_max = 75.0f, fov_min = 20.0f, fov_max = 55.0f;
     float frame_min = 0.55f, frame_max = 1.12f, cropped = 0.12f;

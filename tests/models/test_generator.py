@@ -14,6 +14,7 @@ import pytest
 ROOT = Path(__file__).resolve().parents[2]
 sys.path.insert(0, str(ROOT / "models"))
 
+import data  # noqa: E402
 import generator_build  # noqa: E402
 
 OBJECT, PART, GROUND, ABSENT, ATTRIBUTE, PHOTO, ADDITION = range(7)
@@ -187,6 +188,29 @@ def test_absent_things_are_absent(module: Any, batch: dict[str, Any]) -> None:
                     assert name not in present, (text, batch["captions"][i][k])
                     asked += 1
     assert asked > 20
+
+
+def test_crowds_are_alike_and_asked_about_by_shape(module: Any) -> None:
+    crowded = module.Generator(5, "train", 64, json.dumps(data.CROWDED))
+    plain = module.Generator(5, "train")
+
+    def measure(batch: dict[str, Any]) -> tuple[float, int]:
+        """How often a neighbour has the main object's colour; questions for a seen colour on a shape not there."""
+        same, asked = [], 0
+        colours = set(module.Generator.vocabulary()["colours"])
+        for i, pair in enumerate(scenes(batch)):
+            for k, scene in enumerate(pair):
+                main, *others = scene["objects"]
+                same += [o["colour"] == main["colour"] for o in others if o["role"] in ("second", "clutter")]
+                present = {o["colour"] for o in scene["objects"]} & colours
+                for text, kind in zip(batch["queries"][i][k], batch["query_kinds"][i, k], strict=True):
+                    asked += kind == ABSENT and any(f"{c} " in text for c in present)
+        return float(np.mean(same)), asked
+
+    (often, many), (rarely, few) = measure(crowded.batch(200)), measure(plain.batch(200))
+    assert often > 2 * rarely and often > 0.25
+    assert many > 3 * few
+    assert not any(combinations(module, crowded.batch(100), {"main", "copy", "second", "addition", "clutter"}))
 
 
 def combinations(module: Any, batch: dict[str, Any], roles: set[str]) -> list[bool]:
