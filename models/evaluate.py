@@ -6,7 +6,8 @@ Recognition is zero-shot by text: a picture's class is the word with the largest
 over `WORD_TEMPLATES`; a picture counts for an attribute only when its caption states it. Segmentation: a pixel
 belongs to the query when its logit exceeds that of "photo"; IoU is the mean over queries whose thing shows at least
 `MIN_PIXELS` pixels; an absent query counts as left empty when at most 1 % of the picture's pixels are marked.
-The combinations of the "heldout" split (shape, material, colour) never occur in training.
+The combinations of the "heldout" split (shape, material, colour) never occur in training. `shape_alone` and `colour_alone` count only pictures
+of one plain object and nothing else: what is left of the errors there is not another object's, a pattern's or a dirt's.
 """
 
 from __future__ import annotations
@@ -111,17 +112,20 @@ def add_batch(
     model: Guidance,
     tokenizer: CaptionTokenizer,
     batch: Batch,
+    alone: Tensor,
     words: list[Tensor],
     seen: list[Recognition],
+    seen_alone: list[Recognition],
     masks: Masks,
     moves: list[float],
 ) -> None:
-    """Adds one batch's counts to `seen`, `masks` and `moves`."""
+    """Adds one batch's counts to `seen`, `seen_alone` (pictures N with `alone`), `masks` and `moves`."""
     images = batch.images.float() / 255
     embeddings, stages = model.visual(model.preprocess(images))
     embeddings = unit(embeddings.float())
     for column, recognition in enumerate(seen):
         recognition.add(embeddings @ words[column].T, batch.attributes[:, column])
+        seen_alone[column].add(embeddings[alone] @ words[column].T, batch.attributes[alone, column])
     said = unit(model.encode_text(tokenizer(batch.captions)))
     moved, told = unit(embeddings[::2] - embeddings[1::2], 1e-2), unit(said[::2] - said[1::2], 1e-2)
     moves.extend((moved * told).sum(-1).tolist())
@@ -140,6 +144,12 @@ def add_batch(
         masks.add(asked > neutral, batch.masks[:, q].bool(), batch.kinds[:, q])
 
 
+def is_alone(spec: str) -> bool:
+    """Does the scene (its description as JSON) show one plain object and nothing beside it?"""
+    objects = json.loads(spec)["objects"]
+    return len(objects) == 1 and objects[0]["material"] == "plain"
+
+
 def evaluate(
     model: Guidance, tokenizer: CaptionTokenizer, generator: Any, pictures: int, pairs: int = 32
 ) -> tuple[dict[str, float], list[Recognition]]:
@@ -149,14 +159,17 @@ def evaluate(
     vocabulary = generator.vocabulary()
     with torch.no_grad():
         words = word_embeddings(model, tokenizer, vocabulary)
-    seen = [Recognition(list(vocabulary[a])) for a in WORD_TEMPLATES]
+    seen, seen_alone = ([Recognition(list(vocabulary[a])) for a in WORD_TEMPLATES] for _ in range(2))
     masks, moves = Masks(), []
     done = 0
     while done < pictures:
-        add_batch(model, tokenizer, to_batch(generator.batch(pairs, threads=1)), words, seen, masks, moves)
+        raw = generator.batch(pairs, threads=1)
+        alone = torch.tensor([is_alone(spec) for pair in raw["spec"] for spec in pair])
+        add_batch(model, tokenizer, to_batch(raw), alone, words, seen, seen_alone, masks, moves)
         done += 2 * pairs
     model.train(was_training)
     figures = {name: r.accuracy() for name, r in zip(("shape", "material", "colour"), seen, strict=True)}
+    figures |= {"shape_alone": seen_alone[0].accuracy(), "colour_alone": seen_alone[2].accuracy()}
     figures.update(masks.figures())
     figures["direction_cosine"] = sum(moves) / len(moves)
     return figures, seen

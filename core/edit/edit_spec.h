@@ -47,12 +47,12 @@ struct EditSpec {
     Operations operations;
 
     Thresholds tau;
-    int dilation = -1;  // N_f; −1: 10 with add, else 3
+    int dilation = -1;  // N_f; −1: the paper's, 10 with add, else 3
     RegionSource region_source = RegionSource::segmenter;
     RegionFusion region_fusion = RegionFusion::fused;
     Placement placement = Placement::automatic;
     bool confine =
-        true;  // g is exactly 0 outside the twice dilated region, already while training (fused regions only)
+        true;  // g is exactly 0 outside the dilated region, already while training (fused regions only)
     int region_views = 20;
     std::vector<UserMask> masks;
 

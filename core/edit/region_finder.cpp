@@ -137,9 +137,9 @@ void place_volume(EditRegion& region, const Survey& survey, const EditSpec& spec
 }
 
 Tensor confining_cells(const EditRegion& region, const EditSpec& spec, const FieldGeometry& geometry) {
-    // Twice the dilations, seen from the middle of the cameras' range, in cells.
+    // The dilations, seen from the middle of the cameras' range, in cells.
     const double radius = (geometry.radius_range[0] + geometry.radius_range[1]) / 2;
-    const double pixels = 2.0 * dilation_radius(spec.dilations(), 352) * geometry.image_width / 352.0;
+    const double pixels = dilation_radius(spec.dilations(), 352) * geometry.image_width / 352.0;
     const double cell = (geometry.box_max[0] - geometry.box_min[0]) / grid_resolution;
     const int cells = std::max(1, static_cast<int>(pixels * radius / geometry.focal_x / cell + 0.5));
     const Tensor grown = grow_cells((region.score > 0.5).to(at::kByte), cells);

@@ -7,9 +7,8 @@
 //
 //   score    R×R×R float: share of the votes that call a cell part of the region
 //   volume   cells that density may be added to (operation add): around the region, by the agreement of the views'
-//   dilated
-//            regions (a cell counts when most views that see it say so), or above the region's top
-//   confine  cells outside which g is 0 altogether: the region grown by twice the dilations, and the volume
+//            dilated regions (a cell counts when most views that see it say so), or above the region's top
+//   confine  cells outside which g is 0 altogether: the region grown by the dilations, and the volume
 //
 // Grids are R×R×R (z, y, x) over the field's box. Nothing here is differentiable.
 #pragma once
