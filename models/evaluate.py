@@ -6,8 +6,8 @@ Recognition is zero-shot by text: a picture's class is the word with the largest
 over `WORD_TEMPLATES`; a picture counts for an attribute only when its caption states it. Segmentation: a pixel
 belongs to the query when its logit exceeds that of "photo"; IoU is the mean over queries whose thing shows at least
 `MIN_PIXELS` pixels; an absent query counts as left empty when at most 1 % of the picture's pixels are marked.
-The combinations of the "heldout" split (shape, material, colour) never occur in training. `shape_alone` and `colour_alone` count only pictures
-of one plain object and nothing else: what is left of the errors there is not another object's, a pattern's or a dirt's.
+The combinations of the "heldout" split (shape, material, colour) never occur in training.
+`shape_alone` and `colour_alone` count only pictures of one plain object with nothing beside it.
 """
 
 from __future__ import annotations

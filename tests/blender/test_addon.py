@@ -19,12 +19,13 @@ import blob  # noqa: E402
 
 from blender_addon import cameras  # noqa: E402
 
-BLENDER = os.environ.get("BLENDER", "blender")
+BLENDER = os.environ.get("BLENDER", "blender")  # a Blender, or a Python that has the bpy wheel
 needs_blender = pytest.mark.skipif(shutil.which(BLENDER) is None, reason=f"no Blender: {BLENDER} is not on the path")
 
 
 def blender(script: Path, *arguments: str, resources: Path) -> subprocess.CompletedProcess:
-    command = [BLENDER, "-b", "--factory-startup", "--python-exit-code", "1", "--python", str(script), "--", *arguments]
+    program = ["-b", "--factory-startup", "--python-exit-code", "1", "--python", str(script), "--"]
+    command = [BLENDER, *([str(script), "--"] if Path(BLENDER).name.startswith("python") else program), *arguments]
     environment = {**os.environ, "BLENDER_USER_RESOURCES": str(resources)}
     return subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
 

@@ -4,8 +4,9 @@ import math
 import sys
 from pathlib import Path
 
-import addon_utils
-import bpy
+import bpy  # first: the wheel makes addon_utils importable
+
+import addon_utils  # isort: skip
 
 ROOT = Path(__file__).resolve().parent.parent.parent.parent
 sys.path.insert(0, str(ROOT))
