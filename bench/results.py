@@ -2,8 +2,9 @@
 
     ./dev results --scene DIR [--out docs/results] [--work DIR] [--only field,edits,bake] [--minutes 2 5 10]
 
-Writes OUT/lego.json and OUT/lego_*.png. A field that WORK holds already is not trained again. The regions that edits
-are judged by are drawn by hand (bench/lego/regions.json); the edits never see them.
+Writes OUT/lego.json and OUT/lego_*.png, and the tables of docs/results.md. A field that WORK holds already is not
+trained again. The regions that edits are judged by are drawn by hand (bench/lego/regions.json); the edits never see
+them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import results_page
 from PIL import Image, ImageDraw
 from run import commit, done_event, measure
 
@@ -98,17 +100,19 @@ class Results:
 
     def fields(self) -> None:
         """Accuracy after each budget; the longest one's field is kept for the edits."""
-        rows = []
+        rows = {row["minutes"]: row for row in self.report.get("field", [])}
         for minutes in sorted(self.args.minutes):
-            rows.append(measure(self.program, self.scene, minutes, self.args.threads, self.work))
-            print(json.dumps(rows[-1]), file=sys.stderr, flush=True)
-            self.report["field"] = rows
+            rows[minutes] = measure(self.program, self.scene, minutes, self.args.threads, self.work)
+            print(json.dumps(rows[minutes]), file=sys.stderr, flush=True)
+            self.report["field"] = [rows[m] for m in sorted(rows)]
             self.save()
-        os.replace(self.work / f"field_{max(self.args.minutes):g}.safetensors", self.field)
+        longest = max(self.args.minutes)
+        if longest == max(rows):
+            os.replace(self.work / f"field_{longest:g}.safetensors", self.field)
 
     def original(self) -> Path:
         folder = self.work / "original"
-        if not folder.exists():
+        if not folder.exists() or folder.stat().st_mtime < self.field.stat().st_mtime:
             self.run("render", self.field, *self.views, "-o", folder)
         return folder
 
@@ -190,6 +194,7 @@ def main() -> None:
     results = Results(parser.parse_args())
     for step in results.args.only.split(","):
         {"field": results.fields, "edits": results.edits, "bake": results.bake}[step]()
+    results_page.main()
 
 
 if __name__ == "__main__":

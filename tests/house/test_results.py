@@ -14,6 +14,7 @@ BENCH = Path(__file__).resolve().parents[2] / "bench"
 sys.path.insert(0, str(BENCH))
 
 import results  # noqa: E402
+import results_page  # noqa: E402
 
 
 @pytest.mark.parametrize(
@@ -47,3 +48,11 @@ def test_regions_are_drawn_and_subtracted(tmp_path: Path) -> None:
     assert not (masks["bulldozer"] & masks["base plate"]).any()
     assert 0.1 < masks["bulldozer"].mean() < 0.4 and 0.1 < masks["base plate"].mean() < 0.4
     assert masks["bulldozer"][150, 300] and masks["base plate"][250, 100]
+
+
+def test_the_page_shows_the_figures_of_the_file() -> None:
+    page, report = results_page.PAGE.read_text(), json.loads(results_page.FIGURES.read_text())
+    assert results_page.filled(page, report) == page, "run `python bench/results_page.py`"
+    other = json.loads(results_page.FIGURES.read_text())
+    other["field"][0]["psnr"] += 1
+    assert results_page.filled(page, other) != page

@@ -180,6 +180,22 @@ TEST_F(Train, NonFiniteGradientsChangeNothing) {
     EXPECT_NE(field.hash(), before);
 }
 
+TEST_F(Train, ADivergedRunEndsWithOneLineAndItsState) {
+    auto options = small_options(60);
+    options.rate = 1e30;
+    const fs::path checkpoint = temporary("diverged.safetensors");
+    try {
+        train_field(ball_data(), options, {}, checkpoint);
+        FAIL() << "parameters of 1e30 went unnoticed";
+    } catch (const Failure& error) {
+        const std::string line = error.what();
+        EXPECT_NE(line.find("8 steps in a row"), std::string::npos) << line;
+        EXPECT_NE(line.find(checkpoint.string()), std::string::npos) << line;
+        EXPECT_EQ(line.find('\n'), std::string::npos);
+    }
+    EXPECT_TRUE(fs::exists(checkpoint));
+}
+
 TEST_F(Train, RandomRaysAreUniformOverThePixels) {
     const TrainingData data = ball_data();
     Random random(3);
