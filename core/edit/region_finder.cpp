@@ -18,6 +18,8 @@ constexpr int grid_resolution = 96, volume_resolution = 64, survey_size = 128;
 constexpr double user_vote = 5;     // a user's mask against one view of the segmenter
 constexpr double hull_share = 0.7;  // of the views that see a cell
 constexpr int inner_layers = 4;     // how far scores reach into what no view sees
+constexpr double core_share = 0.7;  // of the core's score: where the region ends
+constexpr double speck_share = 0.02;  // of the largest piece's cells: smaller pieces are one view's noise
 
 // One view's part in the vote: its camera, its samples and its mask.
 struct SurveyView {
@@ -159,6 +161,11 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
     if (spec.region_source != RegionSource::masks) ask_segmenter(survey, guide, spec, cameras, reporter);
     if (!spec.masks.empty()) ask_masks(survey, spec, scene);
     region.score = survey.votes().score(inner_layers);
+    if (spec.region_source != RegionSource::masks) {
+        region.score = scaled_to_border(region.score, core_share);
+        const Tensor specks = (region.score > 0.5).logical_and(without_specks(region.score > 0.5, speck_share) == 0);
+        region.score.masked_fill_(specks, 0);
+    }
     region.share = survey.share();
     region.centre = survey.centre();
     if (!(region.score > 0.5).any().item<bool>() && !plan.operations.add)

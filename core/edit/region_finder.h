@@ -5,7 +5,7 @@
 // strongly, so that they act from every camera. One view's wrong mask is outvoted, and every training view then sees
 // the same region.
 //
-//   score    R×R×R float: share of the votes that call a cell part of the region
+//   score    R×R×R float: share of the votes that call a cell part of the region, scaled so that ½ is its border
 //   volume   cells that density may be added to (operation add): around the region, by the agreement of the views'
 //            dilated regions (a cell counts when most views that see it say so), or above the region's top
 //   confine  cells outside which g is 0 altogether: the region grown by the dilations, and the volume

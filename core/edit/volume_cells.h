@@ -1,8 +1,4 @@
-// Cells that density may be added to when it goes on top of something (Blending-NeRF's `add`, "with a hat").
-//
-// An upright cylinder over the region's highest part, as wide as `width` of the region's horizontal extent and as high
-// as it is wide, sunk a little into what it stands on. R×R×R uint8 (z, y, x) over the field's box; `up` is the
-// geometry's.
+// Shapes made of cells: R×R×R uint8 (z, y, x) over the field's box.
 #pragma once
 
 #include "core/base/torch.h"
@@ -10,7 +6,14 @@
 
 namespace fieldgraft {
 
-// region: R×R×R bool or uint8; throws std::invalid_argument for an empty one.
+// Where density may be added when it goes on top of something (Blending-NeRF's `add`, "with a hat"): an upright cylinder
+// over the region's highest part, as wide as `width` of the region's horizontal extent and as high as it is wide, sunk a
+// little into what it stands on. `up` is the geometry's. region: bool or uint8; throws std::invalid_argument for an
+// empty one.
 Tensor cells_above(const FieldGeometry& geometry, const Tensor& region, double width);
+
+// `cells` (bool or uint8) without the pieces, connected over faces, edges or corners, that have fewer than `share` of the
+// largest piece's cells.
+Tensor without_specks(const Tensor& cells, double share);
 
 }  // namespace fieldgraft

@@ -1,5 +1,6 @@
 #include "core/edit/vote_grid.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "core/base/errors.h"
@@ -84,6 +85,13 @@ Tensor grow_cells(const Tensor& cells, int radius) {
     grown = at::max_pool3d(grown, {1, width, 1}, {1, 1, 1});
     grown = at::max_pool3d(grown, {1, 1, width}, {1, 1, 1});
     return (grown.squeeze(0).squeeze(0) > 0.5).to(at::kByte);
+}
+
+Tensor scaled_to_border(const Tensor& score, double core_share) {
+    const Tensor inside = score.masked_select(score > 0.5);
+    if (inside.numel() == 0) return score;
+    const double core = at::quantile(inside.to(at::kDouble), 0.9).item<double>();
+    return (score * (0.5 / std::max(0.5, core_share * core))).clamp_max(1);
 }
 
 VoteGrid::VoteGrid(const FieldGeometry& geometry, int resolution) : geometry_(geometry), resolution_(resolution) {

@@ -23,6 +23,11 @@ Tensor resample_cells(const Tensor& cells, int resolution);
 // Cells within `radius` cells (a cube), uint8 in and out.
 Tensor grow_cells(const Tensor& cells, int radius);
 
+// Scores scaled so that ½ is where the region ends: at `core_share` of what its core (the best tenth of the cells above
+// ½) gets, but not below ½ of all votes. Seen from every side a body's own cells are agreed on; what it stands on or
+// hides behind is called the same in some views only.
+Tensor scaled_to_border(const Tensor& score, double core_share);
+
 class VoteGrid {
   public:
     VoteGrid(const FieldGeometry& geometry, int resolution);

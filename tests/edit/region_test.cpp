@@ -95,5 +95,19 @@ TEST(Volume, AboveStandsOnTheTop) {
     EXPECT_THROW(cells_above(geometry, at::zeros_like(region), 0.5), std::invalid_argument);
 }
 
+TEST(VolumeCells, SpecksAreTakenAway) {
+    Tensor cells = at::zeros({12, 12, 12}, at::kByte);
+    cells.slice(0, 1, 6).slice(1, 1, 6).slice(2, 1, 6).fill_(1);  // 125 cells
+    cells[6][6][6] = 1;                                          // touches it by a corner
+    cells.slice(0, 9, 11).slice(1, 9, 11).slice(2, 9, 11).fill_(1);
+    cells[0][11][0] = 1;
+    Tensor expected = cells.clone();
+    expected[0][11][0] = 0;
+    EXPECT_TRUE(at::equal(without_specks(cells, 0.02), expected));
+    EXPECT_EQ(without_specks(cells, 0.5).sum().item<int>(), 126);
+    EXPECT_TRUE(at::equal(without_specks(cells > 0, 0), cells));
+    EXPECT_EQ(without_specks(at::zeros({4, 4, 4}, at::kByte), 0.1).sum().item<int>(), 0);
+}
+
 }  // namespace
 }  // namespace fieldgraft

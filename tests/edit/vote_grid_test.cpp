@@ -54,6 +54,22 @@ TEST(VoteGrid, UnseenCellsTakeTheirNeighboursScores) {
     EXPECT_LE(reached.max().item<float>(), 1.0f);
 }
 
+TEST(VoteGrid, TheBorderFollowsTheCore) {
+    // A core that all views agree on, something that 60 % take for it, and the rest.
+    Tensor score = at::zeros({4, 4, 4});
+    score[0].fill_(1.0);
+    score[1].fill_(0.6);
+    score[2].fill_(0.3);
+    const Tensor sure = scaled_to_border(score, 0.7) > 0.5;
+    EXPECT_TRUE(sure[0].all().item<bool>());
+    EXPECT_FALSE(sure[1].any().item<bool>());
+    // A region that no view is sure of keeps what half of the votes give it.
+    const Tensor doubtful = (score * 0.55 / 0.6).clamp_max(0.55);
+    EXPECT_TRUE((scaled_to_border(doubtful, 0.7) > 0.5)[1].all().item<bool>());
+    EXPECT_TRUE(at::equal(scaled_to_border(score * 0.4, 0.7), score * 0.4));
+    EXPECT_LE(scaled_to_border(score, 0.2).max().item<float>(), 1.0f);
+}
+
 TEST(VoteGrid, GrowingAndResampling) {
     Tensor cells = at::zeros({8, 8, 8}, at::kByte);
     cells[4][4][4] = 1;
