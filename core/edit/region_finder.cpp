@@ -124,13 +124,27 @@ void ask_masks(Survey& survey, const EditSpec& spec, const Scene* scene) {
     }
 }
 
+// The dilations, seen from the middle of the cameras' range, in cells; at least 1.
+int reach_in_cells(const EditSpec& spec, const FieldGeometry& geometry, int resolution) {
+    const double radius = (geometry.radius_range[0] + geometry.radius_range[1]) / 2;
+    const double pixels = dilation_radius(spec.dilations(), 352) * geometry.image_width / 352.0;
+    const double cell = (geometry.box_max[0] - geometry.box_min[0]) / resolution;
+    return std::max(1, static_cast<int>(pixels * radius / geometry.focal_x / cell + 0.5));
+}
+
+// Where the views' dilated regions agree, near the region: where few cameras look, they agree on too much.
+Tensor cells_around(const Tensor& hull, const Tensor& score, int reach) {
+    const Tensor region = resample_cells((score > 0.5).to(at::kByte), volume_resolution);
+    return region.any().item<bool>() ? hull.logical_and(grow_cells(region, reach)).to(at::kByte) : hull;
+}
+
 // Where density may be added, and what counts as the region in a view then.
 void place_volume(EditRegion& region, const Survey& survey, const EditSpec& spec, const EditPlan& plan,
                   const FieldGeometry& geometry) {
     const bool above = spec.resolved_placement() == Placement::above && spec.region_source == RegionSource::segmenter;
     region.volume =
-        above ? cells_above(geometry, resample_cells((region.score > 0.5).to(at::kByte), volume_resolution), 0.4)
-              : survey.hull();
+        above ? cells_above(geometry, resample_cells((region.score > 0.5).to(at::kByte), volume_resolution), 0.45)
+              : cells_around(survey.hull(), region.score, reach_in_cells(spec, geometry, volume_resolution));
     region.on_surface = plan.operations.change || plan.operations.remove || !above;
     if (!region.volume.any().item<bool>())
         input_error(
@@ -139,14 +153,11 @@ void place_volume(EditRegion& region, const Survey& survey, const EditSpec& spec
 }
 
 Tensor confining_cells(const EditRegion& region, const EditSpec& spec, const FieldGeometry& geometry) {
-    // The dilations, seen from the middle of the cameras' range, in cells.
-    const double radius = (geometry.radius_range[0] + geometry.radius_range[1]) / 2;
-    const double pixels = dilation_radius(spec.dilations(), 352) * geometry.image_width / 352.0;
-    const double cell = (geometry.box_max[0] - geometry.box_min[0]) / grid_resolution;
-    const int cells = std::max(1, static_cast<int>(pixels * radius / geometry.focal_x / cell + 0.5));
-    const Tensor grown = grow_cells((region.score > 0.5).to(at::kByte), cells);
-    return region.volume.defined() ? grown.logical_or(resample_cells(region.volume, grid_resolution)).to(at::kByte)
-                                   : grown;
+    const Tensor volume = region.volume.defined() ? resample_cells(region.volume, grid_resolution) : Tensor();
+    if (!region.on_surface) return volume;
+    const int reach = reach_in_cells(spec, geometry, grid_resolution);
+    const Tensor grown = grow_cells((region.score > 0.5).to(at::kByte), reach);
+    return volume.defined() ? grown.logical_or(volume).to(at::kByte) : grown;
 }
 
 }  // namespace

@@ -44,14 +44,13 @@ Tensor cells_above(const FieldGeometry& geometry, const Tensor& region, double w
     const Tensor height = centres.matmul(axis), flat = centres - height.unsqueeze(1) * axis;
     const Tensor heights = height.masked_select(in_region), spread = flat.index({in_region});
     const float top = heights.max().item<float>(), bottom = heights.min().item<float>();
-    // The middle of the topmost tenth, and the region's width at right angles to `up`.
+    // The middle of the topmost tenth, and the region's lesser width at right angles to `up`.
     const Tensor upper = in_region.logical_and(height > top - 0.1f * (top - bottom) - 1e-6f);
     const Tensor middle = flat.index({upper}).mean(0);
-    const float extent = (spread.amax(0) - spread.amin(0)).max().item<float>();
-    const float radius = static_cast<float>(width) / 2 * extent;
-    const Tensor near_axis = (flat - middle).norm(2, {1}) <= radius;
-    const Tensor cells =
-        near_axis.logical_and(height >= top - 0.2f * radius).logical_and(height <= top + 1.8f * radius);
+    const Tensor extents = std::get<0>((spread.amax(0) - spread.amin(0)).sort(0, true));
+    const float radius = static_cast<float>(width) / 2 * extents[1].item<float>();
+    const Tensor from_centre = (flat - middle).square().sum(1) + (height - top - 0.8f * radius).square();
+    const Tensor cells = from_centre <= radius * radius;
     return cells.reshape({resolution, resolution, resolution}).to(at::kByte);
 }
 
