@@ -7,6 +7,7 @@
 
 #include "core/base/errors.h"
 #include "core/base/files.h"
+#include "core/base/safetensors.h"
 #include "core/render/image_metrics.h"
 #include "core/train/checkpoint.h"
 #include "tests/base/one_thread.h"
@@ -181,12 +182,15 @@ TEST_F(Train, NonFiniteGradientsChangeNothing) {
 }
 
 TEST_F(Train, ADivergedRunEndsWithOneLineAndItsState) {
-    auto options = small_options(60);
-    options.rate = 1e30;
     const fs::path checkpoint = temporary("diverged.safetensors");
+    const std::atomic<bool> stop{true};
+    EXPECT_THROW(train_field(ball_data(), small_options(60), Reporter([](const Json&) {}, &stop), checkpoint), Cancelled);
+    SafeTensors saved = load_safetensors(checkpoint);
+    saved.tensors.at("p.color.1").fill_(NAN);
+    save_safetensors(checkpoint, saved.tensors, saved.metadata);
     try {
-        train_field(ball_data(), options, {}, checkpoint);
-        FAIL() << "parameters of 1e30 went unnoticed";
+        train_field(ball_data(), small_options(60), {}, checkpoint, true);
+        FAIL() << "NaN parameters went unnoticed";
     } catch (const Failure& error) {
         const std::string line = error.what();
         EXPECT_NE(line.find("8 steps in a row"), std::string::npos) << line;
