@@ -12,8 +12,8 @@ namespace {
 
 constexpr int least_resolution = 8, greatest_resolution = 2048;
 
-// The voxel's edge in model units.
-double model_voxel(const FieldGeometry& geometry, const BakeOptions& options) {
+// The voxel's edge in model units; `content` is the edge of what there is (see content_edge).
+double model_voxel(const FieldGeometry& geometry, const BakeOptions& options, const std::function<double()>& content) {
     double longest = 0;
     for (int a = 0; a < 3; ++a) longest = std::max(longest, geometry.box_max[a] - geometry.box_min[a]);
     const double scale = frame_scale(geometry);
@@ -31,7 +31,8 @@ double model_voxel(const FieldGeometry& geometry, const BakeOptions& options) {
         input_error("bake resolution {}: choose {} to {} voxels", options.resolution, least_resolution,
                     greatest_resolution);
     }
-    return longest / options.resolution;
+    // A small thing in a huge box does not ask for more voxels than a grid may have.
+    return std::max(content() / options.resolution, longest / greatest_resolution);
 }
 
 void check(const BakeOptions& options) {
@@ -75,15 +76,15 @@ BakeReport bake(const RadianceField& field, const std::vector<EditFile>& edits, 
     check(options);
     const Stopwatch watch;
     const FieldGeometry& geometry = field.geometry();
-    const double voxel = model_voxel(geometry, options), voxel_size = voxel / frame_scale(geometry);
     EditStack stack;
     for (const EditFile& edit : edits) stack.push_back(stack_item(edit));
     const VolumeSource source = volume_source(field, stack);
     SamplingOptions sampling;
-    sampling.voxel = voxel;
     sampling.threshold = options.threshold;
     sampling.max_optical_depth = options.max_optical_depth;
     sampling.supersample = options.supersample;
+    sampling.voxel = model_voxel(geometry, options, [&] { return content_edge(geometry, source, sampling); });
+    const double voxel_size = sampling.voxel / frame_scale(geometry);
     SparseVolume volume = sample_volume(geometry, source, sampling, reporter);
     if (volume.origins.size(0) == 0) {
         failure(

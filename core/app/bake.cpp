@@ -20,8 +20,11 @@ void run_bake(const CommonOptions& common, BakeArguments options) {
     const FieldWithEdits scene = load_field_and_edits(options.files, reporter);
     options.bake.half_precision = !options.full_precision;
     const BakeReport report = bake(*scene.field, scene.edits, options.output, options.bake, reporter);
-    print_done(common, {{"voxels", report.voxels}, {"bytes", report.bytes}, {"seconds", report.seconds},
-                        {"voxel_size", report.voxel_size}, {"half_precision", report.half_precision},
+    print_done(common, {{"voxels", report.voxels},
+                        {"bytes", report.bytes},
+                        {"seconds", report.seconds},
+                        {"voxel_size", report.voxel_size},
+                        {"half_precision", report.half_precision},
                         {"path", options.output}});
 }
 
@@ -32,19 +35,22 @@ void add_bake(Program& program) {
     CLI::App* app = program.command("bake", "sample a field, with edits, into an OpenVDB file");
     app->add_option("FILES", options->files, "FIELD [EDIT[:add=X,remove=X,change=X]…]")->required();
     app->add_option("-o,--output", options->output, "OUT.vdb")->required();
-    auto* resolution = app->add_option("--resolution", options->bake.resolution, "voxels along the longest edge")
-                           ->check(CLI::Range(8, 2048));
+    auto* resolution =
+        app->add_option("--resolution", options->bake.resolution, "voxels along the longest edge of what there is")
+            ->check(CLI::Range(8, 2048));
     app->add_option("--voxel-size", options->bake.voxel_size, "voxel edge in the user's world")
         ->check(CLI::PositiveNumber)
         ->excludes(resolution);
     app->add_option("--threshold", options->bake.threshold, "smallest optical depth of a voxel that is kept")
         ->check(CLI::Range(0.0, 10.0));
-    app->add_option("--max-optical-depth", options->bake.max_optical_depth, "cap of a voxel's optical depth, 0 for none")
+    app->add_option("--max-optical-depth", options->bake.max_optical_depth,
+                    "cap of a voxel's optical depth, 0 for none")
         ->check(CLI::NonNegativeNumber);
     app->add_option("--supersample", options->bake.supersample, "density samples along each axis of a voxel")
         ->check(CLI::Range(1, 8));
     app->add_flag("--full-precision", options->full_precision, "float32 on disk rather than half");
-    app->callback([&program, options] { program.action = [&program, options] { run_bake(program.common, *options); }; });
+    app->callback(
+        [&program, options] { program.action = [&program, options] { run_bake(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

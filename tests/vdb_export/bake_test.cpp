@@ -76,8 +76,9 @@ Sampled read_back(const std::filesystem::path& path, const FieldGeometry& geomet
     return out;
 }
 
+// 32 voxels along the box, which is 6 long in the world.
 const BakeOptions plain{
-    .resolution = 32, .threshold = 0, .max_optical_depth = 0, .supersample = 1, .color_dilation = 0};
+    .voxel_size = 6.0 / 32, .threshold = 0, .max_optical_depth = 0, .supersample = 1, .color_dilation = 0};
 
 double worst_relative(const Tensor& a, const Tensor& b) {
     return ((a - b).abs() / b.abs().clamp_min(1e-3)).max().item<double>();
@@ -134,12 +135,15 @@ TEST(Bake, AddedDensityOutsideTheFieldsCellsIsThere) {
 TEST(Bake, ChoosesResolutionOrVoxelSize) {
     const auto field = small_field(turned_geometry());
     BakeOptions options = plain;
-    options.voxel_size = 6.0 / 32;  // the box is 6 long in the world
     const auto by_size = bake(*field, {}, scratch("size.vdb"), options);
-    EXPECT_EQ(by_size.voxels, bake(*field, {}, scratch("count.vdb"), plain).voxels);
+    options.voxel_size = 0;
+    options.resolution = 16;  // what there is, is half as long as the box
+    const auto by_count = bake(*field, {}, scratch("count.vdb"), options);
+    EXPECT_EQ(by_size.voxels, by_count.voxels);
+    EXPECT_NEAR(by_size.voxel_size, by_count.voxel_size, 1e-9);
     options.voxel_size = 1e-6;
     EXPECT_THROW(bake(*field, {}, scratch("fine.vdb"), options), InputError);
-    options = plain;
+    options.voxel_size = 0;
     options.resolution = 4;
     EXPECT_THROW(bake(*field, {}, scratch("coarse.vdb"), options), InputError);
     options = plain;

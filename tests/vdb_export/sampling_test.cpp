@@ -197,5 +197,36 @@ TEST(Sampling, BadOptionsAreNamed) {
     EXPECT_THROW(sample_volume(box(1), wrong, {.voxel = 0.1}), std::invalid_argument);
 }
 
+TEST(ContentEdge, IsTheThingsLengthWhateverTheBox) {
+    const Ball ball;
+    VolumeSource dense = ball.medium();
+    dense.density = [ball](const Tensor& x) { return 100 * ball.density(x); };
+    for (const double edge : {1.0, 4.0}) {
+        const double found = content_edge(box(edge), dense, {});
+        // Up to two of the coarse voxels more, and less what the thousandth at either end of a ball takes.
+        EXPECT_LT(found, 2 * ball.radius + 2 * (2 * edge / 128)) << edge;
+        EXPECT_GT(found, 0.9 * 2 * ball.radius) << edge;
+    }
+}
+
+TEST(ContentEdge, TakesTheLongestAxisAndIgnoresAFloater) {
+    VolumeSource bar{[](const Tensor& x) {
+                         const Tensor size = torch::tensor({0.1f, 0.8f, 0.2f});
+                         return 50 * (x.abs() < size).all(1).to(at::kFloat);
+                     },
+                     Ball::color,
+                     {}};
+    const double alone = content_edge(box(2), bar, {});
+    EXPECT_NEAR(alone, 1.6, 2 * 4.0 / 128);
+    VolumeSource with_floater = bar;
+    with_floater.density = [bar](const Tensor& x) {
+        const Tensor far = (x - torch::tensor({1.9f, -1.9f, 1.9f})).abs().amax(1) < 0.02;
+        return bar.density(x) + 50 * far.to(at::kFloat);
+    };
+    EXPECT_EQ(content_edge(box(2), with_floater, {}), alone);
+    VolumeSource nothing{[](const Tensor& x) { return at::zeros({x.size(0)}, at::kFloat); }, Ball::color, {}};
+    EXPECT_EQ(content_edge(box(2), nothing, {}), 4);
+}
+
 }  // namespace
 }  // namespace fieldgraft
