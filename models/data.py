@@ -38,7 +38,8 @@ class Batch:
     images: Tensor  # uint8 N x 3 x S x S
     captions: list[str]  # N
     change: Tensor  # int64 n
-    attributes: Tensor  # int64 N x 3 (shape, material, colour), -1 unknown
+    attributes: Tensor  # int64 N x 3 (shape, material, colour), -1 where the caption does not say
+    truth: Tensor  # int64 N x 3, the same whatever the caption says; colour -1: none of the vocabulary's
     queries: list[list[str]]  # N x Q
     masks: Tensor  # uint8 N x Q x S x S
     kinds: Tensor  # uint8 N x Q
@@ -54,6 +55,7 @@ def to_batch(raw: dict[str, Any]) -> Batch:
         captions=[c for pair in raw["captions"] for c in pair],
         change=torch.from_numpy(np.asarray(raw["change"]).astype(np.int64)),
         attributes=torch.from_numpy(np.asarray(raw["attributes"]).astype(np.int64).reshape(2 * n, 3)),
+        truth=torch.from_numpy(np.asarray(raw["truth"]).astype(np.int64).reshape(2 * n, 3)),
         queries=[list(q) for pair in raw["queries"] for q in pair],
         masks=torch.from_numpy(masks.reshape(2 * n, *masks.shape[2:])),
         kinds=torch.from_numpy(np.asarray(raw["query_kinds"]).reshape(2 * n, -1)),
@@ -126,7 +128,7 @@ class Singles:
     def __init__(self, stream: Stream, count: int, rng: torch.Generator) -> None:
         self._stream, self._count, self._rng = stream, count, rng
         self._images = torch.zeros(0, 3, 0, 0, dtype=torch.uint8)
-        self._attributes = torch.zeros(0, 3, dtype=torch.int64)
+        self._known = torch.zeros(0, 6, dtype=torch.int64)  # said attributes, then the true ones
         self._drawn = 0
 
     def _refill(self) -> None:
@@ -134,7 +136,8 @@ class Singles:
         new = self._stream.fresh()
         old = len(self._images) and max(0, self.KEPT - len(new.images))
         self._images = torch.cat([self._images[-old:], new.images]) if old else new.images
-        self._attributes = torch.cat([self._attributes[-old:], new.attributes]) if old else new.attributes
+        known = torch.cat([new.attributes, new.truth], 1)
+        self._known = torch.cat([self._known[-old:], known]) if old else known
 
     def __iter__(self) -> Iterator[Batch]:
         return self
@@ -145,7 +148,8 @@ class Singles:
             self._refill()
         chosen = torch.randperm(len(self._images), generator=self._rng)[: self._count]
         empty = torch.zeros(len(chosen), 0, dtype=torch.uint8)
-        return Batch(self._images[chosen], [], empty, self._attributes[chosen], [], empty, empty)
+        said, truth = self._known[chosen].split(3, 1)
+        return Batch(self._images[chosen], [], empty, said, truth, [], empty, empty)
 
 
 def pair_rows(values: Tensor) -> Tensor:

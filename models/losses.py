@@ -1,15 +1,18 @@
 """The losses that train the guidance model. All take float32; embeddings of length 1 are called unit embeddings.
 
 * `attribute_loss`  cross-entropy of cos(E(I), E(word)) over the vocabulary's words; unsaid attributes (-1) are skipped.
+  Words that would make a combination kept out of training are no alternatives there (`never_shown`).
 * `contrastive_loss` symmetric InfoNCE (CLIP, sec. 2.3) between pictures and captions; a caption that may be true of
   another picture too (attribute truth agrees wherever both are said) is no negative there.
 * `direction_loss`  the same between picture differences u(E(I1)) - u(E(I2)) and caption differences over the pairs:
   what a directional edit loss measures (StyleGAN-NADA, sec. 4.1); norms softened, as twins may be alike.
-* `mask_loss`       balanced cross-entropy plus Dice for things that are there, cross-entropy for absent ones, and a
-  pull of "photo" to logit 0, which makes "photo" a neutral threshold.
+* `mask_loss`       balanced cross-entropy plus Dice for things that are there, cross-entropy for absent ones (their
+  surest pixels by themselves), and a pull of "photo" to logit 0, which makes "photo" a neutral threshold.
 """
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import torch
 from network import unit
@@ -18,27 +21,59 @@ from torch.nn import functional as F
 
 OBJECT, PART, GROUND, ABSENT, ATTRIBUTE, PHOTO, ADDITION = range(7)
 SOFTNESS = 1e-2
+SUREST = 0.01  # of the pixels
+MARGIN = 1.0  # by which an absent thing's logits should stay below the neutral 0
 
 
-def attribute_loss(images: Tensor, words: list[Tensor], truth: Tensor, scale: Tensor) -> Tensor:
-    """images N x D unit; words: for each attribute K_a x D unit; truth N x A, -1 where unsaid."""
-    losses = []
-    for column, embeddings in enumerate(words):
-        known = truth[:, column] >= 0
-        if known.any():
-            logits = scale * images[known] @ embeddings.T
-            losses.append(F.cross_entropy(logits, truth[known, column]))
-    return torch.stack(losses).sum() if losses else images.sum() * 0
+NO_CHANCE = -1e4
 
 
-def head_loss(logits: list[Tensor], truth: Tensor) -> Tensor:
-    """Cross-entropy of plain linear heads over the same attributes."""
-    return torch.stack(
-        [
-            F.cross_entropy(x, truth[:, i], ignore_index=-1, reduction="sum") / (truth[:, i] >= 0).sum().clamp_min(1)
-            for i, x in enumerate(logits)
+class HeldOut:
+    """Which (shape, material, colour) combinations training never shows.
+
+    A loss that calls the word of such a combination wrong teaches that white trucks do not exist. With the prior of
+    the training split in the logits (Menon et al. 2021, logit adjustment: log 0 here) nothing is learnt about them
+    either way.
+    """
+
+    def __init__(self, held_out: Callable[[int, int, int], bool], takes_colour: list[bool], sizes: list[int]) -> None:
+        shapes, materials, colours = sizes
+        self.colours = colours
+        every = [
+            [[held_out(s, m, c if c < colours else -1) for c in range(colours + 1)] for m in range(materials)]
+            for s in range(shapes)
         ]
-    ).sum()
+        self.table = torch.tensor(every)  # S x M x (C + 1); the last: no colour
+        # By shape and colour, for each material: in that colour where the material takes one.
+        takes = torch.tensor(takes_colour)[None, :, None]
+        self.by_material = torch.where(takes, self.table, self.table[:, :, -1:]).transpose(1, 2)
+
+    def never_shown(self, truth: Tensor) -> list[Tensor]:
+        """truth N x 3, complete (colour -1: none). N x K bool an attribute: alternatives that are held out."""
+        shape, material, colour = truth.cpu().unbind(1)
+        colour = torch.where(colour < 0, self.colours, colour)
+        masks = [self.table[:, material, colour].T, self.by_material[shape, colour], self.table[shape, material, :-1]]
+        for mask, right in zip(masks, truth.cpu().unbind(1), strict=True):
+            known = right >= 0
+            mask[known.nonzero()[:, 0], right[known]] = False
+        return [m.to(truth.device) for m in masks]
+
+
+def attribute_loss(
+    images: Tensor, words: list[Tensor], truth: Tensor, scale: Tensor, never: list[Tensor] | None = None
+) -> Tensor:
+    """images N x D unit; words: for each attribute K_a x D unit; truth N x A, -1 where unsaid; never: `never_shown`."""
+    return head_loss([scale * images @ embeddings.T for embeddings in words], truth, never)
+
+
+def head_loss(logits: list[Tensor], truth: Tensor, never: list[Tensor] | None = None) -> Tensor:
+    """Cross-entropy over each attribute's alternatives, logits N x K_a: of plain linear heads, for instance."""
+    losses = []
+    for i, x in enumerate(logits):
+        x = x if never is None else x.masked_fill(never[i], NO_CHANCE)
+        known = (truth[:, i] >= 0).sum().clamp_min(1)
+        losses.append(F.cross_entropy(x, truth[:, i], ignore_index=-1, reduction="sum") / known)
+    return torch.stack(losses).sum()
 
 
 def compatible(truth: Tensor) -> Tensor:
@@ -58,7 +93,7 @@ def contrastive_loss(images: Tensor, texts: Tensor, truth: Tensor, captions: lis
     ids = torch.tensor([same[c] for c in captions], device=images.device)
     mask |= ids[:, None] == ids[None]
     mask[row, row] = False
-    logits = (scale * images @ texts.T).masked_fill(mask, -1e4)
+    logits = (scale * images @ texts.T).masked_fill(mask, NO_CHANCE)
     return 0.5 * (F.cross_entropy(logits, row) + F.cross_entropy(logits.T, row))
 
 
@@ -77,7 +112,7 @@ def direction_loss(images: Tensor, texts: Tensor, captions: list[str], scale: fl
     ids = torch.tensor([first[k] for k in keys], device=images.device)
     row = torch.arange(len(keys), device=images.device)
     equal = (ids[:, None] == ids[None]) & (row[:, None] != row[None])
-    logits = (scale * moved @ said.T).masked_fill(equal, -1e4)
+    logits = (scale * moved @ said.T).masked_fill(equal, NO_CHANCE)
     pull = 1 - (moved * said).sum(-1).mean()
     return 0.5 * (F.cross_entropy(logits, row) + F.cross_entropy(logits.T, row)) + pull
 
@@ -96,5 +131,8 @@ def mask_loss(logits: Tensor, masks: Tensor, valid: Tensor, kinds: Tensor) -> Te
     chance = torch.sigmoid(logits) * valid
     dice = 1 - (2 * (chance * target).sum((1, 2)) + 1) / (chance.sum((1, 2)) + (target * valid).sum((1, 2)) + 1)
     level = (F.softplus(logits) - 0.5 * logits - 0.6931472) * valid  # cross-entropy to one half, less its least value
-    loss = torch.where(present, plain + 0.3 * inside + dice, 3 * plain)
+    # What is not there: the surest percent of the pixels, which alone would mark something, counts by itself.
+    surest = max(1, round(SUREST * logits[0].numel()))
+    top = F.softplus(logits.masked_fill(valid == 0, -20.0).flatten(1).topk(surest, 1).values + MARGIN).mean(1)
+    loss = torch.where(present, plain + 0.5 * inside + dice, 3 * plain + 0.3 * top)
     return torch.where(photo, level.sum((1, 2)) / area, loss).mean()

@@ -3,7 +3,7 @@
 Stage 1 teaches the trunk to recognise single pictures, hardly augmented (augmenting all of them slowed
 learning): cross-entropy of plain heads and of the vocabulary's words.
 Stage 2 adds captions (contrastive), twins (direction) and masks (segmenter), keeping the word cross-entropy.
-Stage 3 is stage 2 with one-step adversarial pictures every second step: x + r g/|g| with r drawn from [0, 1.5] (L2
+Stage 3 is stage 2 with one-step adversarial pictures every third step: x + r g/|g| with r drawn from [0, 1.5] (L2
 over the whole picture), which makes the gradients that later drive an edit follow what is seen.
 The learning rate is constant in stage 1, falls from 70 to 30 % in stage 2 and to under 1 % in stage 3.
 Exported weights are an exponential average of the steps, so any moment gives a usable snapshot.
@@ -37,7 +37,7 @@ WORD_STEPS = {1: 4, 2: 2, 3: 2}  # the words' cross-entropy is taken every so ma
 DECODER_SHARE = {2: 0.3, 3: 0.3}  # how much of the segmenter's gradient reaches the towers
 AVERAGE = 0.998
 MAX_RADIUS = 1.5
-ATTACK_STEPS = 2  # an adversarial step costs twice a plain one
+ATTACK_STEPS = 3  # every so manyth step is adversarial and costs twice a plain one
 WARM_UP = 60
 RATE = 1e-3  # AdamW's peak rate; `--rate` scales Muon's with it
 MUON_RATE = 0.02
@@ -79,13 +79,14 @@ class Trainer:
         config: dict[str, Any],
         tokenizer: Any,
         vocabulary: dict[str, list[str]],
+        held_out: losses.HeldOut,
         seed: int,
         device: str = "cpu",
         rate: float = 1e-3,
     ) -> None:
         torch.manual_seed(seed)
         self.config, self.tokenizer, self.vocabulary = config, tokenizer, vocabulary
-        self.device, self.rate, self.workers = device, rate, None
+        self.device, self.rate, self.workers, self.held_out = device, rate, None, held_out
         self.wish = self.stop = GOING  # what this rank wants, and what all have agreed on
         self.rng = torch.Generator().manual_seed(seed)
         self.model = Guidance(config).to(device, memory_format=torch.channels_last)
@@ -149,9 +150,10 @@ class Trainer:
         embeddings, stages = self.model.visual(self.model.preprocess(images))
         embeddings = embeddings.float()
         seen = unit(embeddings)
-        out = {"heads": losses.head_loss([h(embeddings).float() for h in self.heads], truth)}
+        never = self.held_out.never_shown(batch.truth.to(truth.device))
+        out = {"heads": losses.head_loss([h(embeddings).float() for h in self.heads], truth, never)}
         if words:
-            out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp())
+            out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp(), never)
         if captions is not None:
             scale = self.model.logit_scale.clamp(max=4.6).exp()
             out["captions"] = losses.contrastive_loss(seen, captions, truth, batch.captions, scale)

@@ -144,6 +144,8 @@ PYBIND11_MODULE(scene_generator, m) {
         .def("batch", &PyGenerator::batch, py::arg("n"), py::arg("threads") = 1, py::arg("start") = std::nullopt)
         .def("settings", &PyGenerator::settings, "The settings in use, as JSON.")
         .def_static("vocabulary", &PyGenerator::vocabulary);
+    m.def("takes_colour", &fieldgraft::generator::takes_colour, py::arg("material"),
+          "Whether things of this material are made in a colour of the vocabulary (gold and wood bring their own).");
     m.def("is_held_out", &fieldgraft::generator::is_held_out, py::arg("shape"), py::arg("material"), py::arg("colour"),
           "Whether a (shape, material, colour) combination is kept for the held-out split; colour -1: none.");
 }

@@ -201,8 +201,7 @@ SceneSpec draw_scene(const Settings& s, Filter filter, Rng rng) {
     Rng props = rng.fork(3);
     const int clutter = props.chance(s.clutter) ? props.between(1, 3) : 0;
     for (int i = 0; i < clutter; ++i) {
-        ObjectSpec prop =
-            draw_neighbour(Role::kClutter, main, s, Filter::kTrain, props.fork(static_cast<uint64_t>(i)));
+        ObjectSpec prop = draw_neighbour(Role::kClutter, main, s, Filter::kTrain, props.fork(static_cast<uint64_t>(i)));
         prop.size = props.uniform(0.15f, 0.45f);
         place_beside(prop, taken, props.uniform(0, 2 * kPi), props.uniform(0.05f, 0.7f));
         scene.objects.push_back(prop);

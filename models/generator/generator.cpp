@@ -79,7 +79,7 @@ void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, P
     picture.said = said_attributes(spec, pair.plan);
     picture.truth = {static_cast<int16_t>(main.shape), static_cast<int16_t>(main.material),
                      static_cast<int16_t>(main.colour)};
-    picture.queries = draw_queries(spec, world, picture.frame, settings_, rng);
+    picture.queries = draw_queries(spec, world, picture.frame, settings_, filter_, rng);
 }
 
 }  // namespace fieldgraft::generator

@@ -13,8 +13,9 @@ constexpr int kFewestSamples = 14;  // of the four a pixel has
 
 class Asker {
   public:
-    Asker(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings, Rng rng)
-        : spec_(spec), settings_(settings), sight_(spec, world, frame), rng_(rng) {}
+    Asker(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings, Filter filter,
+          Rng rng)
+        : spec_(spec), settings_(settings), filter_(filter), sight_(spec, world, frame), rng_(rng) {}
 
     std::vector<Query> ask() {
         std::vector<Query> list;
@@ -225,7 +226,12 @@ class Asker {
         Wanted w;
         w.colour = sight_.owner(*p).colour;
         w.shape = rng_.below(shape_count());
+        if (kept(w.shape, kPlain, w.colour)) return std::nullopt;
         return empty(dressed(std::string(colour_name(w.colour)) + " " + std::string(shape_info(w.shape).name)), w);
+    }
+
+    bool kept(int shape, int material, int colour) const {
+        return filter_ == Filter::kTrain && is_held_out(shape, material, colour);
     }
 
     // The shape is likely to be there, the colour is not.
@@ -235,6 +241,7 @@ class Asker {
         w.colour = rng_.below(kColours);
         if (sight_.colours_about() & bit(w.colour)) return std::nullopt;
         w.shape = p && rng_.chance(0.75f) ? sight_.owner(*p).shape : rng_.below(shape_count());
+        if (kept(w.shape, kPlain, w.colour)) return std::nullopt;
         return empty(dressed(std::string(colour_name(w.colour)) + " " + std::string(shape_info(w.shape).name)), w);
     }
 
@@ -245,6 +252,7 @@ class Asker {
         std::string thing = "thing";
         if (rng_.chance(0.7f)) {
             w.shape = rng_.below(shape_count());
+            if (kept(w.shape, w.material, -1)) return std::nullopt;
             thing = shape_info(w.shape).name;
         }
         return empty(dressed(material_adjective(w.material, words) + " " + thing), w);
@@ -290,6 +298,7 @@ class Asker {
 
     const SceneSpec& spec_;
     const Settings& settings_;
+    Filter filter_;
     Sight sight_;
     Rng rng_;
 };
@@ -297,8 +306,8 @@ class Asker {
 }  // namespace
 
 std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings,
-                                Rng rng) {
-    return Asker(spec, world, frame, settings, rng).ask();
+                                Filter filter, Rng rng) {
+    return Asker(spec, world, frame, settings, filter, rng).ask();
 }
 
 }  // namespace fieldgraft::generator

@@ -7,6 +7,7 @@
 #include <string>
 #include <vector>
 
+#include "models/generator/compose.h"
 #include "models/generator/render.h"
 #include "models/generator/settings.h"
 #include "models/generator/spec.h"
@@ -23,7 +24,9 @@ struct Query {
     std::vector<uint8_t> mask;  // size x size, 0 or 1
 };
 
+// `filter` kTrain: combinations kept for the held-out split are not asked for as absent either, or training would teach
+// that they never exist.
 std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings,
-                                Rng rng);
+                                Filter filter, Rng rng);
 
 }  // namespace fieldgraft::generator

@@ -24,6 +24,7 @@ class Generator:
         images = np.full((n, 2, size, size, 3), 255, np.uint8)
         masks = np.zeros((n, 2, 4, size, size), np.uint8)
         attributes = np.full((n, 2, 3), -1, np.int16)
+        truth = np.zeros((n, 2, 3), np.int16)
         captions, queries = [], []
         y, x = np.mgrid[:size, :size]
         for i in range(n):
@@ -36,6 +37,7 @@ class Generator:
                 images[i, k][inside] = PAINT[c]
                 masks[i, k, 0], masks[i, k, 1] = inside, y > 50
                 attributes[i, k] = shape, -1, c
+                truth[i, k] = shape, 0, c
             captions.append(tuple(f"a {COLOURS[c]} {SHAPES[shape]}" for c in pair))
             queries.append([[SHAPES[shape], "ground", SHAPES[1 - shape], "photo"]] * 2)
         kinds = np.broadcast_to(np.array([0, 2, 3, 5], np.uint8), (n, 2, 4)).copy()
@@ -44,6 +46,7 @@ class Generator:
             "captions": captions,
             "change": np.zeros(n, np.uint8),
             "attributes": attributes,
+            "truth": truth,
             "queries": queries,
             "masks": masks,
             "query_kinds": kinds,

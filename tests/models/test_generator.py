@@ -213,6 +213,31 @@ def test_crowds_are_alike_and_asked_about_by_shape(module: Any) -> None:
     assert not any(combinations(module, crowded.batch(100), {"main", "copy", "second", "addition", "clutter"}))
 
 
+def test_training_does_not_deny_what_is_held_out(module: Any) -> None:
+    """ "a white truck", kept for the test, must not be learnt as a text whose answer is always empty."""
+    words = module.Generator.vocabulary()
+    pairs = {
+        f"{colour} {shape}": module.is_held_out(s, 0, c)
+        for s, shape in enumerate(words["shapes"])
+        for c, colour in enumerate(words["colours"])
+    }
+
+    def denied(split: str) -> list[bool]:
+        batch = module.Generator(11, split).batch(300)
+        texts = [
+            text.removeprefix("the ").removeprefix("an ").removeprefix("a ")
+            for queries, kinds in zip(batch["queries"], batch["query_kinds"], strict=True)
+            for k in range(2)
+            for text, kind in zip(queries[k], kinds[k], strict=True)
+            if kind == ABSENT
+        ]
+        return [pairs[t] for t in texts if t in pairs]
+
+    asked = denied("train")
+    assert len(asked) > 40 and not any(asked)
+    assert any(denied("heldout"))
+
+
 def combinations(module: Any, batch: dict[str, Any], roles: set[str]) -> list[bool]:
     words = module.Generator.vocabulary()
     found = []

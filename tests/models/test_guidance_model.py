@@ -61,6 +61,26 @@ def test_attribute_loss_is_cross_entropy_over_the_words_and_skips_the_unsaid() -
     assert float(losses.attribute_loss(images, words, truth, scale)) == pytest.approx(expected, rel=1e-5)
 
 
+def test_what_training_never_shows_is_no_alternative() -> None:
+    # 2 shapes, 2 materials (the second takes no colour), 3 colours. Kept out: (0, 0, colour 2), (1, 1, no colour).
+    kept = {(0, 0, 2), (1, 1, -1)}
+    held_out = losses.HeldOut(lambda *c: c in kept, [True, False], [2, 2, 3])
+    truth = torch.tensor([[0, 0, 1], [1, 0, 2], [0, 1, -1], [0, 0, 2]])
+    shape, material, colour = held_out.never_shown(truth)
+    # Picture 0 may not say that its colour is not 2; picture 1 (shape 1 in colour 2) that it is not shape 0, nor that
+    # it is not of material 1; picture 2 (material 1) that it is not shape 1; a kept picture itself keeps its own words.
+    assert shape.tolist() == [[False, False], [True, False], [False, True], [False, False]]
+    assert material.tolist() == [[False, False], [False, True], [False, False], [False, False]]
+    assert colour.tolist() == [[False, False, True], [False] * 3, [False] * 3, [False] * 3]
+
+    logits = [torch.zeros(4, k, requires_grad=True) for k in (2, 2, 3)]
+    loss = losses.head_loss(logits, truth, [shape, material, colour])
+    assert loss.item() == pytest.approx(2 / 4 * math.log(2) + 3 / 4 * math.log(2) + (math.log(2) + 2 * math.log(3)) / 3)
+    loss.backward()
+    for x, never in zip(logits, (shape, material, colour), strict=True):
+        assert x.grad is not None and bool((x.grad[never] == 0).all()) and bool((x.grad[0][~never[0]] != 0).any())
+
+
 def test_contrastive_loss_ignores_captions_that_may_be_true_of_both() -> None:
     images = texts = eye(4, 4)
     scale, captions = torch.tensor(3.0), ["red", "blue", "red ball", "green"]
@@ -108,10 +128,16 @@ def test_mask_loss_closed_forms() -> None:
 
     assert loss(zero, empty, losses.PHOTO) == pytest.approx(0, abs=1e-6)
     assert loss(zero + 2, empty, losses.PHOTO) == pytest.approx(math.log(1 + math.exp(2)) - 1 - math.log(2), abs=1e-5)
-    assert loss(zero, empty, losses.ABSENT) == pytest.approx(3 * math.log(2), rel=1e-5)
-    # Logit 0 everywhere, half of the picture marked: plain + 0.3 inside + Dice with its +1.
+    top = math.log(1 + math.exp(losses.MARGIN))
+    assert loss(zero, empty, losses.ABSENT) == pytest.approx(3 * math.log(2) + 0.3 * top, rel=1e-5)
+    # One sure pixel of 16 is what the surest percent (at least one pixel) looks at.
+    spot = zero.clone() - 30
+    spot[0, 1, 2] = 6
+    expected = 3 * math.log(1 + math.exp(6)) / 16 + 0.3 * math.log(1 + math.exp(6 + losses.MARGIN))
+    assert loss(spot, empty, losses.ABSENT) == pytest.approx(expected, rel=1e-5)
+    # Logit 0 everywhere, half of the picture marked: plain + 0.5 inside + Dice with its +1.
     dice = 1 - (2 * 4 + 1) / (8 + 8 + 1)
-    assert loss(zero, half, losses.OBJECT) == pytest.approx(1.3 * math.log(2) + dice, rel=1e-5)
+    assert loss(zero, half, losses.OBJECT) == pytest.approx(1.5 * math.log(2) + dice, rel=1e-5)
     sure = torch.where(half, 20.0, -20.0)
     assert loss(sure, half, losses.OBJECT) < 1e-3 < loss(-sure, half, losses.OBJECT)
 
@@ -261,7 +287,9 @@ def test_every_stage_learns_on_a_few_squares_and_discs_and_survives_a_folder(tmp
     vocabulary = generator.vocabulary()
     captions = [c for pair in generator.batch(64)["captions"] for c in pair] + ["photo", "ground", "plastic striped"]
     tokenizer = CaptionTokenizer.train(captions, CONTEXT_LENGTH)
-    trainer = Trainer(default_config(vocab_size=len(tokenizer.vocab), **NETWORK), tokenizer, vocabulary, seed=1)
+    held_out = losses.HeldOut(lambda *_: False, [True, True], [2, 2, 3])
+    config = default_config(vocab_size=len(tokenizer.vocab), **NETWORK)
+    trainer = Trainer(config, tokenizer, vocabulary, held_out, seed=1)
     first, last = {}, {}
     for stage, steps in ((1, 24), (2, 8), (3, 3)):
         trainer.progress.stage, trainer.progress.stage_steps = stage, 30
@@ -273,7 +301,7 @@ def test_every_stage_learns_on_a_few_squares_and_discs_and_survives_a_folder(tmp
     assert last[1]["heads"] < 0.8 * first[1]["heads"], (first[1], last[1])
     assert set(last[3]) >= {"heads", "captions", "twins", "masks"}
     trainer.save(tmp_path / "latest.pt")
-    again = Trainer(trainer.config, tokenizer, vocabulary, seed=9)
+    again = Trainer(trainer.config, tokenizer, vocabulary, held_out, seed=9)
     again.restore(tmp_path / "latest.pt")
     assert vars(again.progress) == vars(trainer.progress)
     size = save_folder(tmp_path / "folder", trainer.config, trainer.averaged().state_dict(), tokenizer)
