@@ -37,7 +37,9 @@ py::dict blend_arrays(const FloatArray& density_o, const FloatArray& color_o, co
                       const Optional& beta_color, const std::string& compositing, const std::string& removed) {
     if (density_o.ndim() != 2) input_error("blend: density_o must be N×K, got {} dimensions", density_o.ndim());
     const py::ssize_t rays = density_o.shape(0), samples = density_o.shape(1);
-    const auto plain = [&](const FloatArray& array, const char* name) { return flattened(array, name, rays, samples, false); };
+    const auto plain = [&](const FloatArray& array, const char* name) {
+        return flattened(array, name, rays, samples, false);
+    };
     const auto maybe = [&](const Optional& array, const char* name, bool color) {
         return array ? flattened(*array, name, rays, samples, color) : Tensor();
     };

@@ -66,8 +66,9 @@ void bind_scene(py::module_& m) {
         .def_readonly("cy", &Camera::cy)
         .def_property_readonly("camera_to_world",
                                [](const Camera& self) { return to_matrix_array(self.camera_to_world); })
-        .def("resized", [](const Camera& self, int width, int height) { return resized(self, width, height); },
-             py::arg("width"), py::arg("height"), "The same view with another number of pixels.");
+        .def(
+            "resized", [](const Camera& self, int width, int height) { return resized(self, width, height); },
+            py::arg("width"), py::arg("height"), "The same view with another number of pixels.");
 
     py::class_<Scene, std::shared_ptr<Scene>>(m, "Scene")
         .def_static(

@@ -12,9 +12,9 @@ namespace fieldgraft {
 namespace {
 
 std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<double> minutes,
-                                     std::optional<std::int64_t> iterations, const std::string& quality,
-                                     std::uint64_t seed, const std::optional<std::filesystem::path>& checkpoint, bool resume,
-                                     const py::object& progress) {
+                                            std::optional<std::int64_t> iterations, const std::string& quality,
+                                            std::uint64_t seed, const std::optional<std::filesystem::path>& checkpoint,
+                                            bool resume, const py::object& progress) {
     TrainOptions options;
     options.minutes = minutes;
     options.iterations = iterations;
@@ -32,12 +32,13 @@ std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<do
 }  // namespace
 
 void bind_train(py::module_& m) {
-    m.def("train", &run_training, py::arg("scene"), py::kw_only(), py::arg("minutes") = py::none(),
-          py::arg("iterations") = py::none(), py::arg("quality") = "preview", py::arg("seed") = 0,
-          py::arg("checkpoint") = py::none(), py::arg("resume") = false, py::arg("progress") = py::none(),
-          "Scene → Field. Trains for minutes, iterations, or a quality's time (draft, preview, final).\n\n"
-          "progress is called with the events of docs/formats.md, the figures last ({'event': 'done', …}); it stops the\n"
-          "training by returning False: Cancelled is raised once the checkpoint, if one is named, is written.");
+    m.def(
+        "train", &run_training, py::arg("scene"), py::kw_only(), py::arg("minutes") = py::none(),
+        py::arg("iterations") = py::none(), py::arg("quality") = "preview", py::arg("seed") = 0,
+        py::arg("checkpoint") = py::none(), py::arg("resume") = false, py::arg("progress") = py::none(),
+        "Scene → Field. Trains for minutes, iterations, or a quality's time (draft, preview, final).\n\n"
+        "progress is called with the events of docs/formats.md, the figures last ({'event': 'done', …}); it stops the\n"
+        "training by returning False: Cancelled is raised once the checkpoint, if one is named, is written.");
 }
 
 }  // namespace fieldgraft

@@ -37,8 +37,8 @@ std::string progress_line(const std::string& label, const Json& event) {
     const double share = std::clamp(event.value("iteration", 0.0) / total, 0.0, 1.0);
     constexpr int width = 28;
     const int filled = static_cast<int>(share * width);
-    std::string line = fmt::format("{} {}{} {:3.0f}%", label, std::string(filled, '#'), std::string(width - filled, '.'),
-                                   share * 100);
+    std::string line =
+        fmt::format("{} {}{} {:3.0f}%", label, std::string(filled, '#'), std::string(width - filled, '.'), share * 100);
     for (const char* key : {"loss", "psnr"})
         if (event.contains(key) && event[key].is_number()) line += fmt::format("  {} {}", key, number(event[key]));
     if (event.contains("eta_s")) line += fmt::format("  {} left", duration(event["eta_s"].get<double>()));
@@ -126,7 +126,8 @@ void apply_common(const CommonOptions& common) {
     at::globalContext().setBenchmarkCuDNN(false);
     if (common.device == "cuda" && !at::hasCUDA())
         input_error("--device cuda: this build of libtorch sees no CUDA device; use --device cpu");
-    if (common.device == "cuda") input_error("--device cuda: this version trains and renders on the CPU; use --device cpu");
+    if (common.device == "cuda")
+        input_error("--device cuda: this version trains and renders on the CPU; use --device cpu");
 }
 
 int run_and_report(const CommonOptions& common, const std::function<void()>& action) {

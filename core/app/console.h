@@ -3,8 +3,8 @@
 //   0  success      1  the work failed      2  bad usage or bad input (one line: what, where, what would be right)
 //   130  cancelled by Ctrl-C, after what was finished has been saved
 //
-// With --json the events go to standard output and nothing else does; people's output goes to standard error, except the
-// figures a command ends with.
+// With --json the events go to standard output and nothing else does; people's output goes to standard error, except
+// the figures a command ends with.
 #pragma once
 
 #include <CLI/CLI.hpp>

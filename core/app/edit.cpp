@@ -11,7 +11,8 @@ namespace {
 
 struct EditArguments {
     std::vector<std::string> files, masks, weights;
-    std::string output, source, target, ops, scene, guidance, segmenter, preset = "builtin", quality, region_text, preview;
+    std::string output, source, target, ops, scene, guidance, segmenter, preset = "builtin", quality, region_text,
+                                                                         preview;
     double tau_add = -1, tau_remove = -1, tau_change = -1, minutes = 0;
     int dilate = -1, patch = 0, augmentations = 0, iterations = 0;
     bool mask_only = false, resume = false;
@@ -49,7 +50,8 @@ EditSpec specification(const CommonOptions& common, const EditArguments& options
         const NamedFile mask = parse_view_file(argument, "--mask");
         spec.masks.push_back({mask.view, mask.file});
     }
-    if (options.mask_only && spec.masks.empty()) input_error("--mask-only: no masks; give at least one --mask VIEW:FILE");
+    if (options.mask_only && spec.masks.empty())
+        input_error("--mask-only: no masks; give at least one --mask VIEW:FILE");
     if (!spec.masks.empty()) spec.region_source = options.mask_only ? RegionSource::masks : RegionSource::both;
     return spec;
 }
@@ -61,7 +63,8 @@ void run_edit(const CommonOptions& common, const EditArguments& options) {
     // Bad prompts are said before models and scenes are loaded.
     spec.validate(base.field->geometry().image_width, base.field->geometry().image_height);
     EditInputs inputs{base.field, std::move(base.edits), nullptr, nullptr};
-    const std::filesystem::path guide = options.guidance.empty() ? builtin_model("guide") : std::filesystem::path(options.guidance);
+    const std::filesystem::path guide =
+        options.guidance.empty() ? builtin_model("guide") : std::filesystem::path(options.guidance);
     inputs.guide = Guidance::load(guide, options.segmenter, {.image_type = fastest_image_type()});
     std::unique_ptr<Scene> scene;
     if (!options.scene.empty()) {
@@ -105,7 +108,8 @@ void add_schedule_options(CLI::App* app, EditArguments& options) {
     auto* quality = app->add_option("--quality", options.quality, "draft, preview or final")
                         ->check(CLI::IsMember({"draft", "preview", "final"}));
     auto* minutes = app->add_option("--minutes", options.minutes, "train for so long")->check(CLI::PositiveNumber);
-    auto* iterations = app->add_option("--iterations", options.iterations, "train for so many steps")->check(CLI::PositiveNumber);
+    auto* iterations =
+        app->add_option("--iterations", options.iterations, "train for so many steps")->check(CLI::PositiveNumber);
     minutes->excludes(iterations)->excludes(quality);
     iterations->excludes(quality);
 }
@@ -121,7 +125,8 @@ void add_edit(Program& program) {
     add_schedule_options(app, *options);
     app->add_option("--preview", options->preview, "a PNG that shows the edit while it trains");
     app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");
-    app->callback([&program, options] { program.action = [&program, options] { run_edit(program.common, *options); }; });
+    app->callback(
+        [&program, options] { program.action = [&program, options] { run_edit(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

@@ -29,8 +29,8 @@ Tensor region_of(const std::vector<NamedFile>& masks, const Camera& camera) {
         if (mask.view != camera.name) continue;
         const Tensor image = read_image(mask.file);
         if (image.size(0) != camera.height || image.size(1) != camera.width)
-            input_error("--region-mask {}: {}×{} pixels, but view {} has {}×{}", mask.file, image.size(1), image.size(0),
-                        mask.view, camera.width, camera.height);
+            input_error("--region-mask {}: {}×{} pixels, but view {} has {}×{}", mask.file, image.size(1),
+                        image.size(0), mask.view, camera.width, camera.height);
         return image.slice(2, 0, 3).mean(2) > 0.5;
     }
     return {};
@@ -43,14 +43,15 @@ void report_progress(const Reporter& reporter, std::size_t done, std::size_t all
 }
 
 // PSNR of a split is the mean over its views, as the literature reports it.
-Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::vector<View>& views, const EvalArguments& options,
-                    const Reporter& reporter) {
+Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::vector<View>& views,
+                    const EvalArguments& options, const Reporter& reporter) {
     const FieldWithEdits field{base.field, {}};
     double psnr_sum = 0, ssim_sum = 0, seconds = 0;
     const Stopwatch watch;
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Stopwatch drawing;
-        const Tensor image = with_background(draw_picture(field, views[i].camera, options.picture), options.picture.background);
+        const Tensor image =
+            with_background(draw_picture(field, views[i].camera, options.picture), options.picture.background);
         seconds += drawing.seconds();
         const Tensor drawn = image.clamp(0, 1);
         const Tensor expected = truth(scene, views[i], options.picture, scaled(views[i].camera, options.picture.scale));
@@ -59,13 +60,17 @@ Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::v
         report_progress(reporter, i + 1, views.size(), watch);
     }
     const auto count = static_cast<double>(views.size());
-    return {{"psnr", psnr_sum / count}, {"ssim", ssim_sum / count}, {"seconds_per_view", seconds / count}, {"views", views.size()}};
+    return {{"psnr", psnr_sum / count},
+            {"ssim", ssim_sum / count},
+            {"seconds_per_view", seconds / count},
+            {"views", views.size()}};
 }
 
 Json evaluate_edits(const FieldWithEdits& scene, const std::vector<View>& views, const EvalArguments& options,
                     const Reporter& reporter) {
     std::vector<NamedFile> masks;
-    for (const std::string& argument : options.region_masks) masks.push_back(parse_view_file(argument, "--region-mask"));
+    for (const std::string& argument : options.region_masks)
+        masks.push_back(parse_view_file(argument, "--region-mask"));
     const FieldWithEdits plain{scene.field, {}};
     std::vector<EditedView> pairs;
     const Stopwatch watch;
@@ -91,7 +96,8 @@ Json evaluate_edits(const FieldWithEdits& scene, const std::vector<View>& views,
 }
 
 void run_eval(const CommonOptions& common, const EvalArguments& options) {
-    if (options.picture.background == "transparent") input_error("--background transparent: pictures are compared over white or black");
+    if (options.picture.background == "transparent")
+        input_error("--background transparent: pictures are compared over white or black");
     const Reporter reporter = console_reporter(common, "eval");
     const FieldWithEdits fields = load_field_and_edits(options.files, reporter);
     const Scene scene = load_scene_of(*fields.field, options.scene, {options.split}, reporter);
@@ -115,7 +121,8 @@ void add_eval(Program& program) {
     app->add_option("--target", options->target, "target prompt (default: the last edit's)");
     app->add_option("--region-mask", options->region_masks, "VIEW:FILE, white where the edit should act (repeatable)");
     add_picture_flags(app, options->picture);
-    app->callback([&program, options] { program.action = [&program, options] { run_eval(program.common, *options); }; });
+    app->callback(
+        [&program, options] { program.action = [&program, options] { run_eval(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

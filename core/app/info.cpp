@@ -40,7 +40,8 @@ Json describe(const std::string& path) {
     const std::string format = found == file.metadata.end() ? "" : found->second;
     if (format == "fieldgraft.field") return describe_field(path);
     if (format == "fieldgraft.edit") return describe_edit(path);
-    input_error("{}: its format is \"{}\", neither a field nor an edit; `fieldgraft train` and `edit` write them", path, format);
+    input_error("{}: its format is \"{}\", neither a field nor an edit; `fieldgraft train` and `edit` write them", path,
+                format);
 }
 
 void print_for_people(const Json& file) {

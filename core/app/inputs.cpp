@@ -60,7 +60,9 @@ FieldWithEdits load_field_and_edits(const std::vector<std::string>& files, const
 
 std::vector<View> select_views(const Scene& scene, const std::string& split, const std::vector<std::string>& only) {
     std::vector<View> views = scene.views(split);
-    if (views.empty()) input_error("{}: the scene has no views in its split \"{}\"; there are train, val and test", scene.name(), split);
+    if (views.empty())
+        input_error("{}: the scene has no views in its split \"{}\"; there are train, val and test", scene.name(),
+                    split);
     if (only.empty()) return views;
     std::vector<View> chosen;
     for (const std::string& name : only) chosen.push_back(scene.view(name, split));
@@ -76,14 +78,17 @@ Scene load_scene_of(const RadianceField& field, const std::string& path, const s
     const auto& ours = field.geometry().frame;
     for (std::size_t i = 0; i < ours.size(); ++i)
         if (std::abs(ours[i] - scene.frame().matrix[i]) > 1e-4 * (1 + std::abs(ours[i])))
-            input_error("{}: this scene's frame is not the one that the field was trained in; give the scene it was trained on", path);
+            input_error(
+                "{}: this scene's frame is not the one that the field was trained in; give the scene it was trained on",
+                path);
     return scene;
 }
 
 NamedFile parse_view_file(const std::string& argument, const std::string& flag) {
     const auto colon = argument.find(':');
     if (colon == std::string::npos || colon == 0 || colon + 1 == argument.size())
-        input_error("{} {}: expected VIEW:FILE, a view's name and a mask picture (white where the region is)", flag, argument);
+        input_error("{} {}: expected VIEW:FILE, a view's name and a mask picture (white where the region is)", flag,
+                    argument);
     return {argument.substr(0, colon), argument.substr(colon + 1)};
 }
 

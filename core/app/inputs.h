@@ -1,4 +1,5 @@
-// What several subcommands read from the command line: a field, a stack of edits with strengths, cameras to render from.
+// What several subcommands read from the command line: a field, a stack of edits with strengths, cameras to render
+// from.
 #pragma once
 
 #include <memory>
@@ -21,12 +22,12 @@ struct FieldWithEdits {
     std::shared_ptr<RadianceField> field;
     std::vector<EditFile> edits;  // bottom of the stack first
 };
-// files[0] is the field, the rest are edits over it. Another field's edit throws InputError; an edit trained over another
-// stack is a warning.
+// files[0] is the field, the rest are edits over it. Another field's edit throws InputError; an edit trained over
+// another stack is a warning.
 FieldWithEdits load_field_and_edits(const std::vector<std::string>& files, const Reporter& reporter);
 
-// The views of a scene's split, or those of them that are named. Throws InputError for a name that is not there, and for a
-// split that has no views.
+// The views of a scene's split, or those of them that are named. Throws InputError for a name that is not there, and
+// for a split that has no views.
 std::vector<View> select_views(const Scene& scene, const std::string& split, const std::vector<std::string>& only);
 
 // The scene whose camera poses and pictures belong to this field; throws InputError when its frame is another one.
@@ -39,8 +40,8 @@ struct NamedFile {
 // VIEW:FILE; throws InputError when the colon or either side is missing.
 NamedFile parse_view_file(const std::string& argument, const std::string& flag);
 
-// The folder of a built-in model ("guide", "judge"): in $FIELDGRAFT_MODELS, or in the models/ folder of the nearest of the
-// program's parent folders that has it. Throws InputError, naming what was looked at.
+// The folder of a built-in model ("guide", "judge"): in $FIELDGRAFT_MODELS, or in the models/ folder of the nearest of
+// the program's parent folders that has it. Throws InputError, naming what was looked at.
 std::filesystem::path builtin_model(const std::string& name);
 
 // "white" | "black" → 3 floats; "transparent" → an undefined tensor.

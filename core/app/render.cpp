@@ -16,14 +16,17 @@ struct RenderArguments {
     bool maps = false;
 };
 
-std::vector<Camera> cameras_to_render(const RenderArguments& options, const RadianceField& field, const Reporter& reporter) {
+std::vector<Camera> cameras_to_render(const RenderArguments& options, const RadianceField& field,
+                                      const Reporter& reporter) {
     std::vector<Camera> cameras;
     if (!options.cameras.empty()) {
         const Frame frame = Frame::from_matrix(field.geometry().frame);
-        for (const Camera& camera : read_camera_path(options.cameras).cameras) cameras.push_back(transformed(camera, frame));
+        for (const Camera& camera : read_camera_path(options.cameras).cameras)
+            cameras.push_back(transformed(camera, frame));
         return cameras;
     }
-    if (options.scene.empty()) input_error("render: no cameras; give --scene SCENE with --split, or --cameras PATH.json");
+    if (options.scene.empty())
+        input_error("render: no cameras; give --scene SCENE with --split, or --cameras PATH.json");
     const Scene scene = load_scene_of(field, options.scene, {options.split}, reporter);
     for (const View& view : select_views(scene, options.split, options.views)) cameras.push_back(view.camera);
     return cameras;
@@ -59,11 +62,14 @@ void run_render(const CommonOptions& common, const RenderArguments& options) {
         write_exr(stem.string() + ".exr", image);
         if (options.maps) write_maps(stem, scene, picture);
         const double done = static_cast<double>(i + 1), all = static_cast<double>(cameras.size());
-        reporter.event({{"event", "progress"}, {"iteration", i + 1}, {"total", cameras.size()},
+        reporter.event({{"event", "progress"},
+                        {"iteration", i + 1},
+                        {"total", cameras.size()},
                         {"eta_s", watch.seconds() / done * (all - done)}});
     }
     const double seconds = watch.seconds();
-    print_done(common, {{"views", cameras.size()}, {"seconds", seconds},
+    print_done(common, {{"views", cameras.size()},
+                        {"seconds", seconds},
                         {"seconds_per_view", seconds / static_cast<double>(std::max<std::size_t>(1, cameras.size()))},
                         {"path", options.output}});
 }
@@ -82,7 +88,8 @@ void add_render(Program& program) {
     app->add_option("-o,--output", options->output, "folder for NAME.png and NAME.exr")->required();
     app->add_flag("--maps", options->maps, "also NAME_added, NAME_removed, NAME_changed");
     add_picture_flags(app, options->picture);
-    app->callback([&program, options] { program.action = [&program, options] { run_render(program.common, *options); }; });
+    app->callback(
+        [&program, options] { program.action = [&program, options] { run_render(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

@@ -35,7 +35,8 @@ void run_train(const CommonOptions& common, TrainArguments options) {
     const TrainResult result = train_field(scene, options.train, reporter, checkpoint, options.resume);
     Json figures = result.report.to_json();
     // No times in the file: the same seed gives the same bytes.
-    result.field->save(output, {{"training", {{"iterations", result.report.iterations}, {"psnr", result.report.psnr}}}});
+    result.field->save(output,
+                       {{"training", {{"iterations", result.report.iterations}, {"psnr", result.report.psnr}}}});
     std::filesystem::remove(checkpoint);  // the field is complete: there is nothing to go on with
     figures["path"] = output.string();
     figures["field_hash"] = result.field->hash();
@@ -47,18 +48,22 @@ void run_train(const CommonOptions& common, TrainArguments options) {
 void add_train(Program& program) {
     auto options = std::make_shared<TrainArguments>();
     CLI::App* app = program.command("train", "fit a field to a scene's images");
-    app->add_option("SCENE", options->scene, "folder or transforms*.json: NeRF-synthetic, nerfstudio, instant-ngp")->required();
+    app->add_option("SCENE", options->scene, "folder or transforms*.json: NeRF-synthetic, nerfstudio, instant-ngp")
+        ->required();
     app->add_option("-o,--output", options->output, "the field, FIELD.safetensors")->required();
     app->add_option("--backbone", options->backbone, "hash")->check(CLI::IsMember({"hash", "mlp"}));
     auto* quality = app->add_option("--quality", options->train.quality, "draft, preview or final: 1, 3 or 10 minutes")
                         ->check(CLI::IsMember({"draft", "preview", "final"}));
     auto* minutes = app->add_option("--minutes", options->minutes, "train for so long")->check(CLI::PositiveNumber);
-    auto* iterations = app->add_option("--iterations", options->iterations, "train for so many steps")->check(CLI::PositiveNumber);
+    auto* iterations =
+        app->add_option("--iterations", options->iterations, "train for so many steps")->check(CLI::PositiveNumber);
     minutes->excludes(iterations)->excludes(quality);
     iterations->excludes(quality);
-    app->add_option("--downscale", options->downscale, "reduce the images by this factor")->check(CLI::Range(1.0, 64.0));
+    app->add_option("--downscale", options->downscale, "reduce the images by this factor")
+        ->check(CLI::Range(1.0, 64.0));
     app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");
-    app->callback([&program, options] { program.action = [&program, options] { run_train(program.common, *options); }; });
+    app->callback(
+        [&program, options] { program.action = [&program, options] { run_train(program.common, *options); }; });
 }
 
 }  // namespace fieldgraft::app

@@ -30,8 +30,8 @@ Picture draw_picture(const FieldWithEdits& scene, const Camera& camera, const Pi
     for (const EditFile& edit : scene.edits) stack.push_back(stack_item(edit));
     const Camera view = scaled(camera, options.scale);
     const Rays rays = rays_of_view(view);
-    const BlendedRays drawn = render_blended_view(*scene.field, stack, {rays.origins, rays.directions}, view.height, view.width,
-                                                  blended_options(*scene.field, options));
+    const BlendedRays drawn = render_blended_view(*scene.field, stack, {rays.origins, rays.directions}, view.height,
+                                                  view.width, blended_options(*scene.field, options));
     return {drawn.color, drawn.alpha, drawn.added, drawn.removed, drawn.changed};
 }
 

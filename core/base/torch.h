@@ -1,5 +1,6 @@
 // The one door to libtorch: the narrow headers every room needs, precompiled once a room.
-// torch/torch.h itself takes ~17 s a file; take extra headers (torch/csrc/autograd/custom_function.h is here already) one by one.
+// torch/torch.h itself takes ~17 s a file; take extra headers (torch/csrc/autograd/custom_function.h is here already)
+// one by one.
 #pragma once
 
 #include <ATen/ATen.h>

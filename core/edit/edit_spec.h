@@ -51,8 +51,7 @@ struct EditSpec {
     RegionSource region_source = RegionSource::segmenter;
     RegionFusion region_fusion = RegionFusion::fused;
     Placement placement = Placement::automatic;
-    bool confine =
-        true;  // g is exactly 0 outside the dilated region, already while training (fused regions only)
+    bool confine = true;  // g is exactly 0 outside the dilated region, already while training (fused regions only)
     int region_views = 20;
     std::vector<UserMask> masks;
 

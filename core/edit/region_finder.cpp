@@ -15,10 +15,10 @@ namespace fieldgraft {
 namespace {
 
 constexpr int grid_resolution = 96, volume_resolution = 64, survey_size = 128;
-constexpr double user_vote = 5;     // a user's mask against one view of the segmenter
-constexpr double hull_share = 0.7;  // of the views that see a cell
-constexpr int inner_layers = 4;     // how far scores reach into what no view sees
-constexpr double core_share = 0.7;  // of the core's score: where the region ends
+constexpr double user_vote = 5;       // a user's mask against one view of the segmenter
+constexpr double hull_share = 0.7;    // of the views that see a cell
+constexpr int inner_layers = 4;       // how far scores reach into what no view sees
+constexpr double core_share = 0.7;    // of the core's score: where the region ends
 constexpr double speck_share = 0.02;  // of the largest piece's cells: smaller pieces are one view's noise
 
 // One view's part in the vote: its camera, its samples and its mask.

@@ -1,6 +1,7 @@
 // Cell grids over a field's box (occupancy, support, regions): which points lie in a marked cell, and where cells are.
 //
-// A grid is R×R×R uint8 in (z, y, x) order; cell (i, j, k) spans box_min + edge·i/R … along each axis. Not differentiable.
+// A grid is R×R×R uint8 in (z, y, x) order; cell (i, j, k) spans box_min + edge·i/R … along each axis. Not
+// differentiable.
 #pragma once
 
 #include "core/base/torch.h"
@@ -8,7 +9,8 @@
 
 namespace fieldgraft {
 
-// N bool: the point (N×3 float32, model coordinates) lies in the box and, where `grid` is defined, in a cell that is not 0.
+// N bool: the point (N×3 float32, model coordinates) lies in the box and, where `grid` is defined, in a cell that is
+// not 0.
 Tensor in_cells(const FieldGeometry& geometry, const Tensor& grid, const Tensor& positions);
 
 // The points of cells (z, y, x linear indices, M int64) at `offset` of their edges (½ is the centre): M×3 float32.

@@ -12,9 +12,9 @@
 namespace fieldgraft {
 namespace {
 
-constexpr double logit_bound = 8;          // sigmoid stays within 3.4e-4 of 0 and 1, its gradient alive
-constexpr float initial_feature = 0.1f;    // grid entries start uniform within ± this
-constexpr double density_cells = 128;      // density_e is counted per box edge / 128
+constexpr double logit_bound = 8;        // sigmoid stays within 3.4e-4 of 0 and 1, its gradient alive
+constexpr float initial_feature = 0.1f;  // grid entries start uniform within ± this
+constexpr double density_cells = 128;    // density_e is counted per box edge / 128
 
 struct Head {
     const char* name;
@@ -50,15 +50,18 @@ Tensor uniform(at::IntArrayRef shape, float limit, Random& random) {
     return tensor;
 }
 
-std::map<std::string, Tensor> initial_parameters(const EditFieldConfig& config, const HashGrid& grid, std::uint64_t seed) {
+std::map<std::string, Tensor> initial_parameters(const EditFieldConfig& config, const HashGrid& grid,
+                                                 std::uint64_t seed) {
     const std::int64_t rows = static_cast<std::int64_t>(grid.rows()), hidden = config.hidden;
     std::map<std::string, Tensor> parameters;
     Random table_random(seed, 1), hidden_random(seed, 2), head_random(seed, 3);
-    parameters["grid.table"] = uniform({static_cast<std::int64_t>(grid.entries), grid.features}, initial_feature, table_random);
+    parameters["grid.table"] =
+        uniform({static_cast<std::int64_t>(grid.entries), grid.features}, initial_feature, table_random);
     parameters["hidden.weight"] = uniform({hidden, rows}, std::sqrt(6.0f / rows), hidden_random);
     parameters["hidden.bias"] = uniform({hidden}, 0.25f, hidden_random);
     for (const Head& head : heads_of(config)) {  // small weights: the biases decide how g starts
-        parameters[std::string(head.name) + ".weight"] = uniform({head.size, hidden}, 0.2f * std::sqrt(3.0f / hidden), head_random);
+        parameters[std::string(head.name) + ".weight"] =
+            uniform({head.size, hidden}, 0.2f * std::sqrt(3.0f / hidden), head_random);
         parameters[std::string(head.name) + ".bias"] = at::full({head.size}, head.bias, at::kFloat);
     }
     for (auto& [name, parameter] : parameters) parameter.requires_grad_(true);
@@ -77,11 +80,14 @@ double read_number(const Json& json, const char* key, double low, double high) {
     const auto found = json.find(key);
     if (found == json.end() || !found->is_number()) input_error("edit: \"{}\" must be a number", key);
     const double value = found->get<double>();
-    if (!(value > low && value < high)) input_error("edit: \"{}\" must lie between {} and {}, not {}", key, low, high, value);
+    if (!(value > low && value < high))
+        input_error("edit: \"{}\" must lie between {} and {}, not {}", key, low, high, value);
     return value;
 }
 
-Tensor bounded(const Tensor& z) { return at::sigmoid(at::tanh(z / logit_bound) * logit_bound); }
+Tensor bounded(const Tensor& z) {
+    return at::sigmoid(at::tanh(z / logit_bound) * logit_bound);
+}
 
 // values (M or M×3) at rows `index` of N, 0 elsewhere.
 Tensor spread(const Tensor& values, const Tensor& index, std::int64_t count) {
@@ -99,10 +105,14 @@ Operations Operations::parse(const std::string& list) {
     for (std::string word; std::getline(stream, word, ',');) {
         word.erase(0, word.find_first_not_of(" \t"));
         word.erase(word.find_last_not_of(" \t") + 1);
-        if (word == "add") operations.add = true;
-        else if (word == "remove") operations.remove = true;
-        else if (word == "change") operations.change = true;
-        else input_error("operation \"{}\" is unknown; a comma-separated list of add, remove, change is needed", word);
+        if (word == "add")
+            operations.add = true;
+        else if (word == "remove")
+            operations.remove = true;
+        else if (word == "change")
+            operations.change = true;
+        else
+            input_error("operation \"{}\" is unknown; a comma-separated list of add, remove, change is needed", word);
     }
     if (!operations.any()) input_error("no operation given: a comma-separated list of add, remove, change is needed");
     return operations;
@@ -119,8 +129,12 @@ std::string Operations::to_string() const {
 }
 
 Json EditFieldConfig::to_json() const {
-    return {{"operations", operations.to_string()}, {"resolutions", resolutions},   {"features_per_level", features_per_level},
-            {"log2_table_size", log2_table_size},   {"hidden", hidden},             {"initial_beta", initial_beta},
+    return {{"operations", operations.to_string()},
+            {"resolutions", resolutions},
+            {"features_per_level", features_per_level},
+            {"log2_table_size", log2_table_size},
+            {"hidden", hidden},
+            {"initial_beta", initial_beta},
             {"initial_density", initial_density}};
 }
 
@@ -134,7 +148,8 @@ EditFieldConfig EditFieldConfig::from_json(const Json& json) {
         input_error("edit: \"resolutions\" must be a list of 1 to 32 whole numbers");
     }
     config.resolutions.clear();
-    for (const Json& item : *resolutions) config.resolutions.push_back(read_int({{"resolutions", item}}, "resolutions", 1, 4096));
+    for (const Json& item : *resolutions)
+        config.resolutions.push_back(read_int({{"resolutions", item}}, "resolutions", 1, 4096));
     config.features_per_level = read_int(json, "features_per_level", 1, 8);
     config.log2_table_size = read_int(json, "log2_table_size", 1, 28);
     config.hidden = read_int(json, "hidden", 1, 1024);
@@ -147,7 +162,8 @@ EditFieldConfig EditFieldConfig::from_json(const Json& json) {
 EditField::EditField(const EditFieldConfig& config, const FieldGeometry& geometry, std::uint64_t seed)
     : config_(EditFieldConfig::from_json(config.to_json())),
       geometry_(FieldGeometry::from_json(geometry.to_json())),
-      grid_(std::make_shared<HashGrid>(make_level_grid(config.resolutions, config.features_per_level, config.log2_table_size))),
+      grid_(std::make_shared<HashGrid>(
+          make_level_grid(config.resolutions, config.features_per_level, config.log2_table_size))),
       parameters_(initial_parameters(config_, *grid_, seed)),
       level_weights_(config.resolutions.size(), 1.0f) {}
 
@@ -180,10 +196,14 @@ EditSamples EditField::evaluate_inside(const Tensor& positions) const {
     for (const Head& head : heads) {
         const std::string name = head.name;
         const Tensor part = head.size == 1 ? z.select(0, row) : z.narrow(0, row, head.size).t();
-        if (name == "density_e") out.density_e = at::softplus(part) * (density_cells / box_edge(geometry_));
-        else if (name == "color_e") out.color_e = bounded(part);
-        else if (name == "beta_density") out.beta_density = bounded(part);
-        else out.beta_color = bounded(part);
+        if (name == "density_e")
+            out.density_e = at::softplus(part) * (density_cells / box_edge(geometry_));
+        else if (name == "color_e")
+            out.color_e = bounded(part);
+        else if (name == "beta_density")
+            out.beta_density = bounded(part);
+        else
+            out.beta_color = bounded(part);
         row += head.size;
     }
     return out;
@@ -191,10 +211,12 @@ EditSamples EditField::evaluate_inside(const Tensor& positions) const {
 
 void EditField::set_level_weights(std::vector<float> weights) {
     if (weights.size() != config_.resolutions.size()) {
-        throw std::invalid_argument(fmt::format("{} level weights for {} levels", weights.size(), config_.resolutions.size()));
+        throw std::invalid_argument(
+            fmt::format("{} level weights for {} levels", weights.size(), config_.resolutions.size()));
     }
     for (const float w : weights) {
-        if (!(w >= 0 && w <= 1)) throw std::invalid_argument(fmt::format("a level weight must lie in [0, 1], not {}", w));
+        if (!(w >= 0 && w <= 1))
+            throw std::invalid_argument(fmt::format("a level weight must lie in [0, 1], not {}", w));
     }
     level_weights_ = std::move(weights);
 }

@@ -4,9 +4,9 @@
 //
 // A smooth, coarse grid encoding (a few low resolutions, then finer levels that a schedule fades in) and one small MLP:
 //   h = relu(W encode(x) + b)    color_e, betas = sigmoid(8 tanh(z/8))    density_e = (128/edge) softplus(z)
-// with z one linear head of h each, edge the box's longest. Betas start near 0.02, density_e small with a live gradient.
-// An operation that is off has no head and no parameter. g is exactly 0 outside the box and, where `support` is set,
-// outside its cells (a step: not differentiable there).
+// with z one linear head of h each, edge the box's longest. Betas start near 0.02, density_e small with a live
+// gradient. An operation that is off has no head and no parameter. g is exactly 0 outside the box and, where `support`
+// is set, outside its cells (a step: not differentiable there).
 //
 // Shapes: positions N×3 float32 (model coordinates). Outputs N or N×3, undefined tensors for heads that are off.
 // Differentiable in the parameters, not in the positions. Bits do not depend on the number of threads in the encoding.

@@ -53,7 +53,8 @@ Tensor edit_support(const EditField& edit, const Tensor& candidates, double delt
 
 Tensor jitter_penalty(const EditField& field, const EditSamples& edit, const Tensor& positions, double distance,
                       Random& random) {
-    if (!(distance > 0)) throw std::invalid_argument(fmt::format("a jitter's distance must be positive, not {}", distance));
+    if (!(distance > 0))
+        throw std::invalid_argument(fmt::format("a jitter's distance must be positive, not {}", distance));
     Tensor offsets = at::empty_like(positions);
     float* values = offsets.mutable_data_ptr<float>();
     const float reach = static_cast<float>(distance);

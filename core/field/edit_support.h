@@ -1,10 +1,10 @@
 // An edit's support and smoothness: where g acts at all, and how much it changes over a small step.
 //
 // Support: the cells among `candidates` where max(1 − e^(−σᵉ δ) ~ σᵉ δ, βσ, βc) > ε at any of 3×3×3 points of the cell
-// (corners, edges, faces, centre). Sigmoid and softplus are never 0, so what acts must be cut off somewhere: figures are
-// taken after this truncation, whose error per interval is at most ε.
-// Smoothness: mean over points of |g(x) − g(x + e)|² over colour and βs, and over 1 − e^(−σᵉ u), u = box edge/128; e uniform
-// in a cube of half-width `distance`. Differentiable in g.
+// (corners, edges, faces, centre). Sigmoid and softplus are never 0, so what acts must be cut off somewhere: figures
+// are taken after this truncation, whose error per interval is at most ε. Smoothness: mean over points of |g(x) − g(x +
+// e)|² over colour and βs, and over 1 − e^(−σᵉ u), u = box edge/128; e uniform in a cube of half-width `distance`.
+// Differentiable in g.
 #pragma once
 
 #include "core/base/random.h"

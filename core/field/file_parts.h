@@ -1,5 +1,5 @@
-// What field and edit files have in common: a format name, JSON in the metadata, float32 parameters. All throw InputError
-// naming the file.
+// What field and edit files have in common: a format name, JSON in the metadata, float32 parameters. All throw
+// InputError naming the file.
 #pragma once
 
 #include "core/base/json.h"

@@ -1,8 +1,8 @@
 // Where a field lives: what `edit` and `bake` need to know of the scene once its images are gone.
 //
-// Everything is in *model* coordinates (the coordinates the field was trained in). `frame` is the 3×4 row-major similarity
-// user world → model, x_model = frame · [x_world; 1]; exports apply its inverse. Density is per model unit of length, so a
-// density in the user's world is density · scale(frame).
+// Everything is in *model* coordinates (the coordinates the field was trained in). `frame` is the 3×4 row-major
+// similarity user world → model, x_model = frame · [x_world; 1]; exports apply its inverse. Density is per model unit
+// of length, so a density in the user's world is density · scale(frame).
 #pragma once
 
 #include <array>

@@ -16,7 +16,9 @@ using GridPtr = std::shared_ptr<const HashGrid>;
 
 constexpr std::int64_t chunk_points = 4096;
 
-std::int64_t point_chunks(std::int64_t points) { return (points + chunk_points - 1) / chunk_points; }
+std::int64_t point_chunks(std::int64_t points) {
+    return (points + chunk_points - 1) / chunk_points;
+}
 
 // Columns [first, first + n) of a rows×N tensor, one after the other row: rows×n contiguous.
 void copy_columns(const float* from, std::int64_t from_stride, float* to, std::int64_t to_stride, std::int64_t rows,
@@ -33,7 +35,8 @@ std::vector<Tensor> unit_chunks(const Tensor& positions, const FieldGeometry& ge
     const float* p = positions.const_data_ptr<float>();
     std::vector<Tensor> chunks(point_chunks(points));
     for (std::size_t i = 0; i < chunks.size(); ++i) {
-        const std::int64_t first = static_cast<std::int64_t>(i) * chunk_points, n = std::min(chunk_points, points - first);
+        const std::int64_t first = static_cast<std::int64_t>(i) * chunk_points,
+                           n = std::min(chunk_points, points - first);
         chunks[i] = at::empty({3, n}, at::kFloat);
         float* unit = chunks[i].mutable_data_ptr<float>();
         for (int c = 0; c < 3; ++c) {
@@ -45,8 +48,8 @@ std::vector<Tensor> unit_chunks(const Tensor& positions, const FieldGeometry& ge
 }
 
 struct EncodeFunction : torch::autograd::Function<EncodeFunction> {
-    static Tensor forward(AutogradContext* ctx, const Tensor& table, const std::vector<Tensor>& chunks, std::int64_t points,
-                          const GridPtr& grid) {
+    static Tensor forward(AutogradContext* ctx, const Tensor& table, const std::vector<Tensor>& chunks,
+                          std::int64_t points, const GridPtr& grid) {
         const std::int64_t rows = static_cast<std::int64_t>(grid->rows());
         Tensor encoded = at::empty({rows, points}, table.options());
         float* out = encoded.mutable_data_ptr<float>();
@@ -61,7 +64,8 @@ struct EncodeFunction : torch::autograd::Function<EncodeFunction> {
         });
         ctx->saved_data["chunks"] = chunks;
         ctx->saved_data["entries"] = table.size(0);
-        ctx->saved_data["grid"] = at::from_blob(const_cast<HashGrid*>(grid.get()), {1}, [grid](void*) {}, at::kByte);
+        ctx->saved_data["grid"] = at::from_blob(
+            const_cast<HashGrid*>(grid.get()), {1}, [grid](void*) {}, at::kByte);
         return encoded;
     }
 
@@ -90,8 +94,9 @@ struct EncodeFunction : torch::autograd::Function<EncodeFunction> {
 
 HashGrid make_level_grid(const std::vector<int>& resolutions, int features, int log2_table_size) {
     if (resolutions.empty() || features < 1 || features > 8 || log2_table_size < 1 || log2_table_size > 28) {
-        throw std::invalid_argument(fmt::format("a grid needs levels, 1–8 features and a table of 2^1–2^28, not {}, {}, 2^{}",
-                                                resolutions.size(), features, log2_table_size));
+        throw std::invalid_argument(
+            fmt::format("a grid needs levels, 1–8 features and a table of 2^1–2^28, not {}, {}, 2^{}",
+                        resolutions.size(), features, log2_table_size));
     }
     HashGrid grid;
     grid.features = features;
@@ -108,7 +113,8 @@ HashGrid make_level_grid(const std::vector<int>& resolutions, int features, int 
     return grid;
 }
 
-Tensor encode_positions(const GridPtr& grid, const FieldGeometry& geometry, const Tensor& positions, const Tensor& table) {
+Tensor encode_positions(const GridPtr& grid, const FieldGeometry& geometry, const Tensor& positions,
+                        const Tensor& table) {
     const Tensor points = positions.detach().contiguous();
     return EncodeFunction::apply(table.contiguous(), unit_chunks(points, geometry), points.size(0), grid);
 }

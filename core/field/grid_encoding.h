@@ -15,7 +15,7 @@ namespace fieldgraft {
 // Dense levels of the given cells along the longest edge; hashed to 2^log2_table_size entries where that is less.
 HashGrid make_level_grid(const std::vector<int>& resolutions, int features, int log2_table_size);
 
-Tensor encode_positions(const std::shared_ptr<const HashGrid>& grid, const FieldGeometry& geometry, const Tensor& positions,
-                        const Tensor& table);
+Tensor encode_positions(const std::shared_ptr<const HashGrid>& grid, const FieldGeometry& geometry,
+                        const Tensor& positions, const Tensor& table);
 
 }  // namespace fieldgraft

@@ -33,8 +33,8 @@ inline Real dot3(const Real* a, const Real* b) {
 template <bool Add, bool Remove, bool Change, bool Conserving, bool Visible>
 struct Mode {
     static constexpr bool add = Add, remove = Remove, change = Change, conserving = Conserving, visible = Visible;
-    static constexpr bool colors = Add || Change;             // there is a cᵉ
-    static constexpr bool paper_map = Remove && !Visible;     // `removed` as the paper has it
+    static constexpr bool colors = Add || Change;          // there is a cᵉ
+    static constexpr bool paper_map = Remove && !Visible;  // `removed` as the paper has it
     static constexpr bool visible_map = Remove && Visible;
 };
 
@@ -133,7 +133,8 @@ struct RaySums {
     Sum color[3] = {}, color_edit[3] = {};
     Sum alpha_edit = 0, added = 0, changed = 0, removed = 0, removed_scale = 0;
 
-    void accumulate(const BlendInputs<Real>& in, std::int64_t k, const Sample<Real, M>& s, const Front<Real, M>& front) {
+    void accumulate(const BlendInputs<Real>& in, std::int64_t k, const Sample<Real, M>& s,
+                    const Front<Real, M>& front) {
         const Real t = front.transmittance(), kept = t * s.unit_kept, edit = t * s.unit_e;
         const Real* color_o = in.color_o + 3 * k;
         const Real beta = [&] {
@@ -230,7 +231,9 @@ struct RayForward {
         Front<Real, M> front;
         for (std::int64_t k = in.start[r]; k < in.start[r + 1]; ++k) {
             const Sample<Real, M> s(in, k);
-            const Real map = M::paper_map ? front.transmittance_kept() : M::visible_map ? front.transmittance_o() : Real(0);
+            const Real map = M::paper_map     ? front.transmittance_kept()
+                             : M::visible_map ? front.transmittance_o()
+                                              : Real(0);
             if constexpr (M::paper_map) removed_scale += s.alpha_o();
             if constexpr (M::visible_map) removed_scale += Sum(map) * s.alpha_o();
             passed.push_back({front.transmittance(), map});
@@ -248,8 +251,8 @@ struct Behind {
 };
 
 template <class Real, class M>
-void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, std::int64_t k, const RayGradient<Real>& g,
-                     const Passed<Real>& passed, Sum removed_scale, Behind& behind) {
+void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, std::int64_t k,
+                     const RayGradient<Real>& g, const Passed<Real>& passed, Sum removed_scale, Behind& behind) {
     const Sample<Real, M> s(in, k);
     const UnitSlopes<Real, M> slopes(s);
     const Real t = passed.transmittance, kept = t * s.unit_kept, edit = t * s.unit_e;
@@ -330,8 +333,8 @@ void with_mode(const BlendMode& mode, F&& f) {
 }  // namespace
 
 template <class Real>
-void blend_forward(const BlendMode& mode, const BlendInputs<Real>& in, const BlendRays<Real>& out, std::int64_t ray_begin,
-                   std::int64_t ray_end) {
+void blend_forward(const BlendMode& mode, const BlendInputs<Real>& in, const BlendRays<Real>& out,
+                   std::int64_t ray_begin, std::int64_t ray_end) {
     with_mode(mode, [&](auto m) { forward_rays<Real, decltype(m)>(in, out, ray_begin, ray_end); });
 }
 
@@ -343,8 +346,8 @@ void blend_backward(const BlendMode& mode, const BlendInputs<Real>& in, const Bl
 
 template void blend_forward<float>(const BlendMode&, const BlendInputs<float>&, const BlendRays<float>&, std::int64_t,
                                    std::int64_t);
-template void blend_forward<double>(const BlendMode&, const BlendInputs<double>&, const BlendRays<double>&, std::int64_t,
-                                    std::int64_t);
+template void blend_forward<double>(const BlendMode&, const BlendInputs<double>&, const BlendRays<double>&,
+                                    std::int64_t, std::int64_t);
 template void blend_backward<float>(const BlendMode&, const BlendInputs<float>&, const BlendRays<const float>&,
                                     const BlendHeads<float>&, std::int64_t, std::int64_t);
 template void blend_backward<double>(const BlendMode&, const BlendInputs<double>&, const BlendRays<const double>&,

@@ -12,10 +12,29 @@ using OptionalTensor = std::optional<Tensor>;
 
 constexpr std::int64_t rays_per_task = 256;
 
-enum Input { start_in, delta_in, density_o_in, color_o_in, density_e_in, color_e_in, beta_density_in, beta_color_in, inputs };
+enum Input {
+    start_in,
+    delta_in,
+    density_o_in,
+    color_o_in,
+    density_e_in,
+    color_e_in,
+    beta_density_in,
+    beta_color_in,
+    inputs
+};
 
 // The outputs that a mode has, in this order; the others do not exist.
-enum Output { color_out, transmittance_out, color_edit_out, alpha_edit_out, added_out, removed_out, changed_out, outputs };
+enum Output {
+    color_out,
+    transmittance_out,
+    color_edit_out,
+    alpha_edit_out,
+    added_out,
+    removed_out,
+    changed_out,
+    outputs
+};
 
 std::vector<Output> outputs_of(const BlendMode& mode) {
     std::vector<Output> all{color_out, transmittance_out};
@@ -33,9 +52,9 @@ Real* data_or_null(const Tensor& tensor) {
 
 template <class Real>
 BlendInputs<Real> kernel_inputs(const std::array<Tensor, inputs>& in) {
-    return {in[start_in].data_ptr<std::int64_t>(), data_or_null<Real>(in[delta_in]),
-            data_or_null<Real>(in[density_o_in]),  data_or_null<Real>(in[color_o_in]),
-            data_or_null<Real>(in[density_e_in]),  data_or_null<Real>(in[color_e_in]),
+    return {in[start_in].data_ptr<std::int64_t>(),   data_or_null<Real>(in[delta_in]),
+            data_or_null<Real>(in[density_o_in]),    data_or_null<Real>(in[color_o_in]),
+            data_or_null<Real>(in[density_e_in]),    data_or_null<Real>(in[color_e_in]),
             data_or_null<Real>(in[beta_density_in]), data_or_null<Real>(in[beta_color_in])};
 }
 
@@ -43,15 +62,21 @@ template <class Real>
 BlendRays<Real> kernel_rays(const std::array<Tensor, outputs>& rays) {
     const auto data = [&](Output output) { return data_or_null<std::remove_const_t<Real>>(rays[output]); };
     return {data(color_out), data(transmittance_out), data(color_edit_out), data(alpha_edit_out),
-            data(added_out), data(removed_out), data(changed_out)};
+            data(added_out), data(removed_out),       data(changed_out)};
 }
 
 struct BlendFunction : torch::autograd::Function<BlendFunction> {
-    static variable_list forward(AutogradContext* ctx, const Tensor& start, const Tensor& delta, const Tensor& density_o,
-                                 const Tensor& color_o, const OptionalTensor& density_e, const OptionalTensor& color_e,
-                                 const OptionalTensor& beta_density, const OptionalTensor& beta_color, BlendMode mode) {
-        const std::array<Tensor, inputs> in{start, delta, density_o, color_o, density_e.value_or(Tensor()),
-                                            color_e.value_or(Tensor()), beta_density.value_or(Tensor()),
+    static variable_list forward(AutogradContext* ctx, const Tensor& start, const Tensor& delta,
+                                 const Tensor& density_o, const Tensor& color_o, const OptionalTensor& density_e,
+                                 const OptionalTensor& color_e, const OptionalTensor& beta_density,
+                                 const OptionalTensor& beta_color, BlendMode mode) {
+        const std::array<Tensor, inputs> in{start,
+                                            delta,
+                                            density_o,
+                                            color_o,
+                                            density_e.value_or(Tensor()),
+                                            color_e.value_or(Tensor()),
+                                            beta_density.value_or(Tensor()),
                                             beta_color.value_or(Tensor())};
         ctx->save_for_backward({in.begin(), in.end()});
         ctx->saved_data["mode"] = std::vector<bool>{mode.add, mode.remove, mode.change, mode.conserving, mode.visible};
@@ -138,13 +163,16 @@ BlendMode mode_of(const EditSamples& edit, const BlendOptions& options) {
     return mode;
 }
 
-OptionalTensor head(const Tensor& tensor) { return tensor.defined() ? OptionalTensor(tensor.contiguous()) : std::nullopt; }
+OptionalTensor head(const Tensor& tensor) {
+    return tensor.defined() ? OptionalTensor(tensor.contiguous()) : std::nullopt;
+}
 
 }  // namespace
 
 BlendOut blend(const Tensor& start, const Tensor& delta, const Tensor& density_o, const Tensor& color_o,
                const EditSamples& edit, const BlendOptions& options) {
-    if (!delta.defined() || delta.dim() != 1 || (delta.scalar_type() != at::kFloat && delta.scalar_type() != at::kDouble)) {
+    if (!delta.defined() || delta.dim() != 1 ||
+        (delta.scalar_type() != at::kFloat && delta.scalar_type() != at::kDouble)) {
         throw std::invalid_argument("blend: delta must be N float32 or float64");
     }
     const std::int64_t samples = delta.size(0);
@@ -164,7 +192,7 @@ BlendOut blend(const Tensor& start, const Tensor& delta, const Tensor& density_o
         head(edit.density_e), head(edit.color_e), head(edit.beta_density), head(edit.beta_color), mode);
     BlendOut out;
     Tensor* const fields[outputs] = {&out.color, &out.transmittance, &out.color_edit, &out.alpha_edit,
-                                     &out.added, &out.removed, &out.changed};
+                                     &out.added, &out.removed,       &out.changed};
     const std::vector<Output> present = outputs_of(mode);
     for (std::size_t i = 0; i < present.size(); ++i) *fields[present[i]] = result[i];
     return out;

@@ -14,8 +14,8 @@ BlendedRays plain_rays(const RadianceField& field, const RayBundle& rays, const 
     const RenderedRays plain = render_rays(field, rays, options.render);
     const std::int64_t count = rays.size();
     const auto nothing = [&] { return at::zeros({count}, at::kFloat); };
-    return {plain.color, plain.alpha, plain.depth, at::zeros({count, 3}, at::kFloat), nothing(), nothing(), nothing(),
-            nothing(), nothing()};
+    return {plain.color, plain.alpha, plain.depth, at::zeros({count, 3}, at::kFloat), nothing(), nothing(),
+            nothing(),   nothing(),   nothing()};
 }
 
 // One chunk, all of it blended, level after level.
@@ -50,20 +50,22 @@ BlendedRays blended_chunk(const RadianceField& field, const EditStack& items, co
     const CompositeOut last = composite(samples.start, samples.delta, samples.t, medium.density, medium.color);
     out.depth = last.depth;
     if (items.empty()) {
-        out = {last.color, 1 - last.transmittance, last.depth, at::zeros({rays.size(), 3}, at::kFloat), or_zeros({}),
-               or_zeros({}), or_zeros({}), or_zeros({}), out.edited};
+        out = {last.color,   1 - last.transmittance, last.depth,   at::zeros({rays.size(), 3}, at::kFloat),
+               or_zeros({}), or_zeros({}),           or_zeros({}), or_zeros({}),
+               out.edited};
     }
     return out;
 }
 
 std::array<Tensor*, 9> parts(BlendedRays& rays) {
-    return {&rays.color, &rays.alpha, &rays.depth, &rays.color_edit, &rays.alpha_edit, &rays.added, &rays.removed,
-            &rays.changed, &rays.edited};
+    return {&rays.color, &rays.alpha,   &rays.depth,   &rays.color_edit, &rays.alpha_edit,
+            &rays.added, &rays.removed, &rays.changed, &rays.edited};
 }
 
 }  // namespace
 
-Tensor touched_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays, const MarchOptions& options) {
+Tensor touched_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
+                    const MarchOptions& options) {
     const EditStack items = active_items(stack);
     Tensor touched = at::zeros({rays.size()}, at::kBool);
     if (items.empty()) return touched;
@@ -94,8 +96,8 @@ BlendedRays render_blended_rays(const RadianceField& field, const EditStack& sta
     for (std::int64_t first = 0; first < count; first += options.render.chunk_rays) {
         const std::int64_t n = std::min(options.render.chunk_rays, count - first);
         const RayBundle chunk{rays.origins.narrow(0, first, n), rays.directions.narrow(0, first, n)};
-        const Tensor touched = options.color ? at::ones({n}, at::kBool)
-                                             : touched_rays(field, items, chunk, options.render.march);
+        const Tensor touched =
+            options.color ? at::ones({n}, at::kBool) : touched_rays(field, items, chunk, options.render.march);
         const Tensor index = touched.nonzero().squeeze(1);
         if (index.size(0) == 0) continue;
         BlendedRays part = blended_chunk(field, items, selected(chunk, index), options);

@@ -60,10 +60,12 @@ void count_view(const MaskView& view, const Tensor& centres, double slack, Count
 Tensor hull_votes(const FieldGeometry& geometry, const std::vector<MaskView>& views, const HullOptions& options) {
     if (views.empty()) throw std::invalid_argument("a hull needs views");
     if (options.resolution < 1 || options.resolution > 1024 || options.min_views < 1) {
-        throw std::invalid_argument(fmt::format("a hull of {}³ cells out of at least {} views", options.resolution, options.min_views));
+        throw std::invalid_argument(
+            fmt::format("a hull of {}³ cells out of at least {} views", options.resolution, options.min_views));
     }
     const std::int64_t side = options.resolution, cells = side * side * side;
-    const Tensor centres = cell_points(geometry, options.resolution, at::arange(cells, at::kLong), {0.5, 0.5, 0.5}).contiguous();
+    const Tensor centres =
+        cell_points(geometry, options.resolution, at::arange(cells, at::kLong), {0.5, 0.5, 0.5}).contiguous();
     Counts counts{std::vector<int>(static_cast<std::size_t>(cells)), std::vector<int>(static_cast<std::size_t>(cells))};
     for (const MaskView& view : views) {
         check_view(view);
@@ -72,7 +74,9 @@ Tensor hull_votes(const FieldGeometry& geometry, const std::vector<MaskView>& vi
     Tensor votes = at::empty({cells}, at::kFloat);
     float* out = votes.mutable_data_ptr<float>();
     for (std::size_t i = 0; i < counts.seen.size(); ++i) {
-        out[i] = counts.seen[i] < options.min_views ? -1.0f : static_cast<float>(counts.inside[i]) / static_cast<float>(counts.seen[i]);
+        out[i] = counts.seen[i] < options.min_views
+                     ? -1.0f
+                     : static_cast<float>(counts.inside[i]) / static_cast<float>(counts.seen[i]);
     }
     return votes.view({side, side, side});
 }

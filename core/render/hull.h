@@ -1,10 +1,10 @@
 // Where density may appear: a coarse grid of votes from masks of several views (a soft visual hull, Laurentini 1994).
 //
-// A cell counts when at least `share` of the views that see its centre have it in their mask, and at least `min_views` see
-// it; then the set is grown by `grow` cells. A hard hull (share 1) dies of one wrong mask. A view sees a cell whose
+// A cell counts when at least `share` of the views that see its centre have it in their mask, and at least `min_views`
+// see it; then the set is grown by `grow` cells. A hard hull (share 1) dies of one wrong mask. A view sees a cell whose
 // centre projects into the image, in front of the camera and, where the view has a depth map, no farther than `slack`
-// behind what the pixel shows. Model coordinates; masks H×W of the camera's shape or of any other resolution of the same
-// picture (nearest pixel). Not differentiable.
+// behind what the pixel shows. Model coordinates; masks H×W of the camera's shape or of any other resolution of the
+// same picture (nearest pixel). Not differentiable.
 #pragma once
 
 #include <vector>

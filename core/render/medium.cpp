@@ -91,7 +91,8 @@ VisibleSamples merged(const VisibleSamples& own, const Samples& all, double min_
         if (mine != own_start[r + 1]) throw Failure("the marches of field and edit do not match");
     }
     const Tensor rows = torch::tensor(target, at::kLong);
-    VisibleSamples out{all, at::zeros({all.size()}, at::kFloat), at::zeros({all.size(), own.features.size(1)}, at::kFloat)};
+    VisibleSamples out{all, at::zeros({all.size()}, at::kFloat),
+                       at::zeros({all.size(), own.features.size(1)}, at::kFloat)};
     out.density.index_copy_(0, rows, own.density);
     out.features.index_copy_(0, rows, own.features);
     const Tensor start = packed_start(all.start, keep);
@@ -180,7 +181,8 @@ Medium blended_medium(const Medium& below, const EditSamples& edit) {
     if (edit.density_e.defined()) {
         const Tensor both = out.density + edit.density_e;
         // The share of g, without 0/0, and exactly 0 where g is 0.
-        const Tensor share = at::where(edit.density_e > 0, 1 / (1 + out.density / edit.density_e), at::zeros_like(both));
+        const Tensor share =
+            at::where(edit.density_e > 0, 1 / (1 + out.density / edit.density_e), at::zeros_like(both));
         out.color = out.color + share.unsqueeze(1) * (edit.color_e - out.color);
         out.density = both;
     }

@@ -4,9 +4,9 @@
 //   σ⁽ⁿ⁾ = (1 − βσ) σ + σᵉ      c⁽ⁿ⁾ = ((1 − βσ) σ ((1 − βc) c + βc cᵉ) + σᵉ cᵉ)/σ⁽ⁿ⁾      (σ, c of level n − 1)
 // the conserving mixture, exactly (σ, c) where g is 0. Strengths scale σᵉ, βσ, βc; a head of strength 0 does not exist.
 //
-// Marching: f's occupied cells, plus the cells where an edit may add density (there σᵒ = 0 where f is unoccupied). Samples
-// behind transmittance march.min_transmittance are left out; what an edit removes is taken away first, so that what it
-// uncovers is there. Nothing here is differentiable. Lengths in model units; colours carry no background.
+// Marching: f's occupied cells, plus the cells where an edit may add density (there σᵒ = 0 where f is unoccupied).
+// Samples behind transmittance march.min_transmittance are left out; what an edit removes is taken away first, so that
+// what it uncovers is there. Nothing here is differentiable. Lengths in model units; colours carry no background.
 #pragma once
 
 #include <functional>
@@ -50,9 +50,10 @@ using SampleColor = std::function<Tensor(const Tensor& features, const Tensor& p
 
 struct MediumOptions {
     MarchOptions march;
-    Tensor add_region;         // R×R×R uint8: where an edit without support may add; undefined: the whole box
-    bool keep_hidden = false;  // keep samples no light comes from (colour 0): `removed` as the paper has it sums over them
-    SampleColor color;         // none: f's own
+    Tensor add_region;  // R×R×R uint8: where an edit without support may add; undefined: the whole box
+    bool keep_hidden =
+        false;          // keep samples no light comes from (colour 0): `removed` as the paper has it sums over them
+    SampleColor color;  // none: f's own
 };
 
 // One packed set of samples and the medium there, all of `below` baked in.

@@ -98,7 +98,7 @@ TEST(Volume, AboveStandsOnTheTop) {
 TEST(VolumeCells, SpecksAreTakenAway) {
     Tensor cells = at::zeros({12, 12, 12}, at::kByte);
     cells.slice(0, 1, 6).slice(1, 1, 6).slice(2, 1, 6).fill_(1);  // 125 cells
-    cells[6][6][6] = 1;                                          // touches it by a corner
+    cells[6][6][6] = 1;                                           // touches it by a corner
     cells.slice(0, 9, 11).slice(1, 9, 11).slice(2, 9, 11).fill_(1);
     cells[0][11][0] = 1;
     Tensor expected = cells.clone();

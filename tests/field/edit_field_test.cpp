@@ -50,7 +50,8 @@ TEST(Operations, ParseAndPrint) {
 }
 
 TEST(EditField, HasOnlyTheHeadsOfItsOperations) {
-    for (const std::string operations : {"add", "remove", "change", "add,remove", "add,change", "remove,change", "add,remove,change"}) {
+    for (const std::string operations :
+         {"add", "remove", "change", "add,remove", "add,change", "remove,change", "add,remove,change"}) {
         const EditField field(small_edit_config(operations), {}, 1);
         const Operations on = Operations::parse(operations);
         EXPECT_EQ(field.parameters().contains("density_e.weight"), on.add);
@@ -75,7 +76,8 @@ TEST(EditField, StartsNearTheConfiguredValues) {
     EXPECT_GT(edit.color_e.min().item<float>(), 0);
     // The gradient is live: every parameter gets one.
     (edit.density_e.sum() + edit.color_e.sum() + edit.beta_density.sum() + edit.beta_color.sum()).backward();
-    for (const auto& [name, parameter] : field.parameters()) EXPECT_GT(parameter.grad().abs().sum().item<float>(), 0) << name;
+    for (const auto& [name, parameter] : field.parameters())
+        EXPECT_GT(parameter.grad().abs().sum().item<float>(), 0) << name;
 }
 
 TEST(EditField, ExtremeParametersStayFinite) {
@@ -93,7 +95,8 @@ TEST(EditField, ExtremeParametersStayFinite) {
             EXPECT_TRUE(head.isfinite().all().item<bool>());
             head.sum().backward({}, true);
         }
-        for (const auto& [name, parameter] : field.parameters()) EXPECT_TRUE(parameter.grad().isfinite().all().item<bool>()) << name;
+        for (const auto& [name, parameter] : field.parameters())
+            EXPECT_TRUE(parameter.grad().isfinite().all().item<bool>()) << name;
     }
 }
 
@@ -103,7 +106,8 @@ TEST(EditField, GradientAgainstFiniteDifferences) {
     const Tensor points = random_points(300, 1.6f);  // some outside the box
     const auto loss = [&] {
         const EditSamples edit = field.evaluate(points);
-        return (edit.density_e.mean() * 0.3 + (edit.color_e * torch::tensor({1.0f, -2.0f, 0.5f})).mean() + edit.beta_density.square().mean() * 40 + edit.beta_color.mean());
+        return (edit.density_e.mean() * 0.3 + (edit.color_e * torch::tensor({1.0f, -2.0f, 0.5f})).mean() +
+                edit.beta_density.square().mean() * 40 + edit.beta_color.mean());
     };
     for (const auto& [name, parameter] : field.parameters()) {
         const Tensor direction = torch::autograd::grad({loss()}, {parameter})[0];  // steepest: the largest signal
@@ -143,7 +147,8 @@ TEST(EditField, ZeroOutsideBoxAndSupport) {
     field.set_support(half_support());
     const EditSamples cut = field.evaluate(points);
     const Tensor inside = in_box.logical_and(points.select(1, 0).ge(0));
-    for (const auto& [now, before] : {std::pair{cut.density_e, free.density_e}, {cut.beta_density, free.beta_density},
+    for (const auto& [now, before] : {std::pair{cut.density_e, free.density_e},
+                                      {cut.beta_density, free.beta_density},
                                       {cut.beta_color, free.beta_color}}) {
         EXPECT_EQ(now.masked_select(inside.logical_not()).abs().max().item<float>(), 0);
         EXPECT_TRUE(at::allclose(now.masked_select(inside), before.masked_select(inside), 1e-6, 1e-7));
@@ -174,7 +179,8 @@ TEST(EditField, LevelWeightsFadeLevels) {
 TEST(EditSupport, HoldsTheCellsWhereTheEditActs) {
     EditField field(small_edit_config("change"), {}, 5);
     {
-        at::NoGradGuard no_grad;  // βc = sigmoid of a ramp along the table: off at the bound, 3.4e-4, unless features say so
+        at::NoGradGuard
+            no_grad;  // βc = sigmoid of a ramp along the table: off at the bound, 3.4e-4, unless features say so
         field.parameters().at("beta_color.bias").fill_(-1000);
     }
     const Tensor everywhere = at::ones({8, 8, 8}, at::kByte);
@@ -201,7 +207,9 @@ TEST(JitterPenalty, IsZeroForAConstantAndPositiveElse) {
         field.parameters().at("grid.table").fill_(0.1);
     }
     EXPECT_LT(jitter_penalty(field, field.evaluate(points), points, 0.05, random).item<float>(), 1e-12);
-    EXPECT_EQ(jitter_penalty(field, field.evaluate(points.slice(0, 0, 0)), points.slice(0, 0, 0), 0.05, random).item<float>(), 0);
+    EXPECT_EQ(
+        jitter_penalty(field, field.evaluate(points.slice(0, 0, 0)), points.slice(0, 0, 0), 0.05, random).item<float>(),
+        0);
 }
 
 class EditFileTest : public testing::Test {

@@ -50,7 +50,8 @@ struct Rays {  // R rays and their samples; every head has values, those that a 
     std::int64_t rays() const { return static_cast<std::int64_t>(start.size()) - 1; }
 
     BlendInputs<Real> inputs(const BlendMode& mode) const {
-        BlendInputs<Real> in{start.data(), delta.data(), density_o.data(), color_o.data(), nullptr, nullptr, nullptr, nullptr};
+        BlendInputs<Real> in{start.data(), delta.data(), density_o.data(), color_o.data(),
+                             nullptr,      nullptr,      nullptr,          nullptr};
         if (mode.add) in.density_e = density_e.data();
         if (mode.add || mode.change) in.color_e = color_e.data();
         if (mode.remove) in.beta_density = beta_density.data();
@@ -70,11 +71,16 @@ template <class Real>
 struct RayValues {  // outputs, or their gradients: 11 numbers a ray
     std::vector<Real> color, transmittance, color_edit, alpha_edit, added, removed, changed;
     explicit RayValues(std::int64_t rays, Real value = 0)
-        : color(3 * rays, value), transmittance(rays, value), color_edit(3 * rays, value), alpha_edit(rays, value),
-          added(rays, value), removed(rays, value), changed(rays, value) {}
+        : color(3 * rays, value),
+          transmittance(rays, value),
+          color_edit(3 * rays, value),
+          alpha_edit(rays, value),
+          added(rays, value),
+          removed(rays, value),
+          changed(rays, value) {}
     BlendRays<Real> pointers() {
         return {color.data(), transmittance.data(), color_edit.data(), alpha_edit.data(),
-                added.data(), removed.data(), changed.data()};
+                added.data(), removed.data(),       changed.data()};
     }
     std::vector<std::vector<Real>*> all() {
         return {&color, &transmittance, &color_edit, &alpha_edit, &added, &removed, &changed};
@@ -93,8 +99,9 @@ std::array<std::vector<Real>, 4> backward(const BlendMode& mode, const Rays<Real
     std::array<std::vector<Real>, 4> heads;
     const std::size_t n = rays.delta.size();
     for (int i = 0; i < 4; ++i) heads[i].assign(i == 1 ? 3 * n : n, Real(12345));  // what kernels must overwrite
-    const BlendRays<const Real> in{grads.color.data(), grads.transmittance.data(), grads.color_edit.data(),
-                                   grads.alpha_edit.data(), grads.added.data(), grads.removed.data(), grads.changed.data()};
+    const BlendRays<const Real> in{grads.color.data(),      grads.transmittance.data(), grads.color_edit.data(),
+                                   grads.alpha_edit.data(), grads.added.data(),         grads.removed.data(),
+                                   grads.changed.data()};
     blend_backward(mode, rays.inputs(mode), in, {heads[0].data(), heads[1].data(), heads[2].data(), heads[3].data()}, 0,
                    rays.rays());
     return heads;
@@ -122,8 +129,8 @@ inline Rays<double> random_rays(unsigned seed) {
     std::uniform_real_distribution<double> u(0.05, 0.95);
     Rays<double> rays;
     for (const int size : {0, 1, 2, 7, 31}) {
-        for (int k = 0; k < size; ++k) rays.add_sample(0.2 * u(engine), 4 * u(engine), u(engine), 3 * u(engine), u(engine),
-                                                       u(engine), u(engine));
+        for (int k = 0; k < size; ++k)
+            rays.add_sample(0.2 * u(engine), 4 * u(engine), u(engine), 3 * u(engine), u(engine), u(engine), u(engine));
         rays.end_ray();
     }
     return rays;

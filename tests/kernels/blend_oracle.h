@@ -1,5 +1,5 @@
-// The blended equations written down once more, directly and in long double, for the tests of the kernels: plain sums over
-// the samples of one ray, no recurrences. With Dual it also gives derivatives by one input (forward mode).
+// The blended equations written down once more, directly and in long double, for the tests of the kernels: plain sums
+// over the samples of one ray, no recurrences. With Dual it also gives derivatives by one input (forward mode).
 #pragma once
 
 #include <algorithm>
@@ -16,12 +16,14 @@ struct Dual {
     Dual operator+(const Dual& b) const { return {value + b.value, slope + b.slope}; }
     Dual operator-(const Dual& b) const { return {value - b.value, slope - b.slope}; }
     Dual operator*(const Dual& b) const { return {value * b.value, slope * b.value + value * b.slope}; }
-    Dual operator/(const Dual& b) const {
-        return {value / b.value, (slope - value / b.value * b.slope) / b.value};
-    }
+    Dual operator/(const Dual& b) const { return {value / b.value, (slope - value / b.value * b.slope) / b.value}; }
 };
-inline Dual exponential(const Dual& a) { return {expl(a.value), a.slope == 0 ? 0 : expl(a.value) * a.slope}; }
-inline Dual minus_expm1(const Dual& a) { return {-expm1l(a.value), a.slope == 0 ? 0 : -expl(a.value) * a.slope}; }
+inline Dual exponential(const Dual& a) {
+    return {expl(a.value), a.slope == 0 ? 0 : expl(a.value) * a.slope};
+}
+inline Dual minus_expm1(const Dual& a) {
+    return {-expm1l(a.value), a.slope == 0 ? 0 : -expl(a.value) * a.slope};
+}
 
 template <class S>
 struct Ray {  // one value a sample (colours: one channel); heads that are off are left empty
@@ -46,7 +48,8 @@ inline Values blend(const BlendMode& mode, const Ray<Dual>& ray) {
     Dual front, front_kept, front_o, front_removed, removed, removed_scale;  // depths in front of sample k
     for (std::size_t k = 0; k < ray.size(); ++k) {
         const Dual ao = clamped_depth(ray.density_o[k], ray.delta[k]);
-        const Dual beta_density = mode.remove ? ray.beta_density[k] : Dual(), beta = mode.change ? ray.beta_color[k] : Dual();
+        const Dual beta_density = mode.remove ? ray.beta_density[k] : Dual(),
+                   beta = mode.change ? ray.beta_color[k] : Dual();
         const Dual kept = (Dual(1) - beta_density) * ao;
         const Dual ae = mode.add ? clamped_depth(ray.density_e[k], ray.delta[k]) : Dual();
         const Dual both = kept + ae, t = exponential(Dual() - front);

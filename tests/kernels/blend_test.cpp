@@ -11,8 +11,8 @@ namespace {
 using oracle::Dual;
 
 const std::vector<double>& hard_depths() {
-    static const std::vector<double> depths{0, 1e-38, 1e-12, 1e-7, 1e-3, 1, 20, 100, 1e4, 1e30,
-                                            std::numeric_limits<double>::infinity()};
+    static const std::vector<double> depths{
+        0, 1e-38, 1e-12, 1e-7, 1e-3, 1, 20, 100, 1e4, 1e30, std::numeric_limits<double>::infinity()};
     return depths;
 }
 const std::vector<double> hard_betas{0, 1e-8, 0.5, 1 - 1e-7, 1};
@@ -125,7 +125,8 @@ TEST(Blend, MapsReachOnlyTheirOwnHead) {
             }
             for (std::size_t i = 0; i < rays.head(map).size(); ++i) {
                 const std::int64_t r =
-                    std::upper_bound(rays.start.begin(), rays.start.end(), static_cast<std::int64_t>(i)) - rays.start.begin() - 1;
+                    std::upper_bound(rays.start.begin(), rays.start.end(), static_cast<std::int64_t>(i)) -
+                    rays.start.begin() - 1;
                 auto ray = oracle_ray(rays, r, 0);
                 auto& values = map == 0 ? ray.density_e : map == 2 ? ray.beta_density : ray.beta_color;
                 values[i - rays.start[r]].slope = 1;
@@ -210,14 +211,16 @@ std::string fmt_case(const BlendMode& mode, int samples, double depth_o, double 
 Rays<float> hard_ray(double depth_o, double depth_e, double beta, int samples) {
     Rays<float> rays;
     for (int k = 0; k < samples; ++k) {
-        rays.add_sample(1, static_cast<float>(depth_o), 0.75f, static_cast<float>(depth_e), 0.5f, static_cast<float>(beta),
-                        static_cast<float>(beta));
+        rays.add_sample(1, static_cast<float>(depth_o), 0.75f, static_cast<float>(depth_e), 0.5f,
+                        static_cast<float>(beta), static_cast<float>(beta));
     }
     rays.end_ray();
     return rays;
 }
 
-long double clamped(float depth) { return std::min<long double>(depth, 1e30L); }
+long double clamped(float depth) {
+    return std::min<long double>(depth, 1e30L);
+}
 
 void check_hard_forward(const BlendMode& mode, const Rays<float>& rays) {
     const auto out = forward(mode, rays);
@@ -228,10 +231,12 @@ void check_hard_forward(const BlendMode& mode, const Rays<float>& rays) {
     const long double tolerance = 1e-6L * expected.weight_bound;
     // exp(−A): the depth's own rounding (2⁻²³ relative) is a relative error of T in proportion to A.
     long double depth = 0;
-    for (std::size_t k = 0; k < rays.delta.size(); ++k) depth += clamped(rays.density_o[k]) + clamped(rays.density_e[k]);
+    for (std::size_t k = 0; k < rays.delta.size(); ++k)
+        depth += clamped(rays.density_o[k]) + clamped(rays.density_e[k]);
     ASSERT_TRUE(near(out.transmittance[0], expected.transmittance.value,
                      std::min(1.0L, 1e-6L * (1 + depth)) * expected.transmittance.value + 2e-38L));
-    ASSERT_TRUE(near(out.color[0], expected.color.value, tolerance)) << out.color[0] << " " << double(expected.color.value);
+    ASSERT_TRUE(near(out.color[0], expected.color.value, tolerance))
+        << out.color[0] << " " << double(expected.color.value);
     ASSERT_TRUE(near(out.color_edit[0], expected.color_edit.value, tolerance));
     ASSERT_TRUE(near(out.alpha_edit[0], expected.alpha_edit.value, tolerance));
     ASSERT_TRUE(near(out.added[0], expected.added.value, tolerance));
@@ -255,13 +260,18 @@ void check_hard_backward(const BlendMode& mode, Rays<float> rays, bool against_o
     for (const std::size_t k : {std::size_t{0}, n / 2, n - 1}) {
         for (int head = 0; head < 4 && against_oracle; ++head) {
             auto ray = oracle_ray(rays, 0, 0);
-            auto& values = head == 0 ? ray.density_e : head == 1 ? ray.color_e : head == 2 ? ray.beta_density : ray.beta_color;
+            auto& values = head == 0   ? ray.density_e
+                           : head == 1 ? ray.color_e
+                           : head == 2 ? ray.beta_density
+                                       : ray.beta_color;
             values[k].slope = 1;
             const auto expected = oracle::blend(mode, ray);
             const long double right = expected.color.slope + expected.color_edit.slope + expected.alpha_edit.slope +
                                       expected.transmittance.slope;
-            // beta_density's is depth_o times (light of this sample − light behind it): that difference has their rounding.
-            const long double depth = clamped(rays.density_o[k]), kept = depth * (1 - (long double)rays.beta_density[k]);
+            // beta_density's is depth_o times (light of this sample − light behind it): that difference has their
+            // rounding.
+            const long double depth = clamped(rays.density_o[k]),
+                              kept = depth * (1 - (long double)rays.beta_density[k]);
             const long double both = kept + clamped(rays.density_e[k]), front = both > 0 ? expl(-both * k) : 1;
             const long double light = front * std::max(both > 0 ? -expm1l(-both) / both : 1, expl(-kept));
             const long double scale = head == 2 ? depth * (light + 2e-33L) : 1;  // weights below 1e-38 are lost

@@ -39,7 +39,8 @@ BlendOut run(const Case& c, const BlendOptions& options = {}) {
 Tensor color_in_torch(const Case& c, std::int64_t from, std::int64_t to, bool conserving) {
     const auto cut = [&](const Tensor& t) { return t.slice(0, from, to); };
     const Tensor delta = cut(c.delta);
-    const Tensor kept = cut(c.density_o) * (1 - cut(c.edit.beta_density)) * delta, added = cut(c.edit.density_e) * delta;
+    const Tensor kept = cut(c.density_o) * (1 - cut(c.edit.beta_density)) * delta,
+                 added = cut(c.edit.density_e) * delta;
     const Tensor both = kept + added, front = both.cumsum(0) - both, t = at::exp(-front);
     const Tensor alpha = 1 - at::exp(-both);
     const Tensor wo = t * (conserving ? alpha * kept / both : 1 - at::exp(-kept));
@@ -53,8 +54,8 @@ TEST(BlendAutograd, AgreesWithTorchOperations) {
     for (const bool conserving : {false, true}) {
         Case c = make_case("add,remove,change", at::kDouble);
         const BlendOut out = run(c, {conserving ? Compositing::conserving : Compositing::paper, RemovedMap::paper});
-        const Tensor expected =
-            at::stack({color_in_torch(c, 0, 3, conserving), at::zeros(3, at::kDouble), color_in_torch(c, 3, 8, conserving)});
+        const Tensor expected = at::stack(
+            {color_in_torch(c, 0, 3, conserving), at::zeros(3, at::kDouble), color_in_torch(c, 3, 8, conserving)});
         EXPECT_TRUE(at::allclose(out.color, expected, 1e-12, 1e-13));
         const std::vector<Tensor> heads{c.edit.density_e, c.edit.color_e, c.edit.beta_density, c.edit.beta_color};
         const Tensor weight = numbers({3, 3}, -1, 1, at::kDouble, 9);
@@ -67,7 +68,8 @@ TEST(BlendAutograd, AgreesWithTorchOperations) {
 }
 
 TEST(BlendAutograd, OnlyWhatTheOperationsHaveExists) {
-    for (const std::string operations : {"add", "remove", "change", "add,remove", "add,change", "remove,change", "add,remove,change"}) {
+    for (const std::string operations :
+         {"add", "remove", "change", "add,remove", "add,change", "remove,change", "add,remove,change"}) {
         const Operations on = Operations::parse(operations);
         const BlendOut out = run(make_case(operations, at::kFloat));
         EXPECT_EQ(out.added.defined(), on.add) << operations;
@@ -89,8 +91,10 @@ TEST(BlendAutograd, MapsReachOnlyTheirOwnHead) {
         const auto grads = torch::autograd::grad({value.sum()}, heads);
         for (int head = 0; head < 4; ++head) {
             const double size = grads[head].abs().sum().item<double>();
-            if (head == own) EXPECT_GT(size, 1e-3) << map;
-            else EXPECT_EQ(size, 0) << "map " << map << " leaks into head " << head;
+            if (head == own)
+                EXPECT_GT(size, 1e-3) << map;
+            else
+                EXPECT_EQ(size, 0) << "map " << map << " leaks into head " << head;
         }
     }
 }
@@ -117,7 +121,8 @@ TEST(BlendAutograd, NoRaysAndNoSamples) {
     for (const std::int64_t rays : {0, 4}) {
         EditSamples edit;
         edit.beta_density = at::empty({0}).requires_grad_(true);
-        const BlendOut out = blend(at::zeros({rays + 1}, at::kLong), at::empty({0}), at::empty({0}), at::empty({0, 3}), edit, {});
+        const BlendOut out =
+            blend(at::zeros({rays + 1}, at::kLong), at::empty({0}), at::empty({0}), at::empty({0, 3}), edit, {});
         EXPECT_EQ(out.color.sizes(), (std::vector<std::int64_t>{rays, 3}));
         EXPECT_TRUE(at::equal(out.transmittance, at::ones({rays})));
         (out.color.sum() + out.removed.sum()).backward();
@@ -131,8 +136,9 @@ TEST(BlendAutograd, ThreadsDoNotChangeTheBits) {
     edit.density_e.requires_grad_(true);
     const Tensor start = at::arange(rays + 1, at::kLong) * 5;
     const auto once = [&] {
-        const BlendOut out = blend(start, numbers({rays * 5}, 0.1, 0.2, at::kFloat, 3), numbers({rays * 5}, 0, 5, at::kFloat, 4),
-                                   numbers({rays * 5, 3}, 0, 1, at::kFloat, 5), edit, {});
+        const BlendOut out =
+            blend(start, numbers({rays * 5}, 0.1, 0.2, at::kFloat, 3), numbers({rays * 5}, 0, 5, at::kFloat, 4),
+                  numbers({rays * 5, 3}, 0, 1, at::kFloat, 5), edit, {});
         return std::pair{out.color.detach(), torch::autograd::grad({out.color.sum()}, {edit.density_e})[0]};
     };
     const int threads = at::get_num_threads();

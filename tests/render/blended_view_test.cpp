@@ -13,17 +13,20 @@ BlendedRays render(const std::shared_ptr<RadianceField>& field, const EditStack&
     return render_blended_rays(*field, stack, front_rays(size), options);
 }
 
-Tensor difference(const Tensor& a, const Tensor& b) { return (a - b).abs().amax(a.dim() > 1 ? std::vector<std::int64_t>{1} : std::vector<std::int64_t>{}); }
+Tensor difference(const Tensor& a, const Tensor& b) {
+    return (a - b).abs().amax(a.dim() > 1 ? std::vector<std::int64_t>{1} : std::vector<std::int64_t>{});
+}
 
-const std::vector<std::string> all_operations{"add", "remove", "change", "add,remove", "add,change", "remove,change",
-                                              "add,remove,change"};
+const std::vector<std::string> all_operations{"add",        "remove",        "change",           "add,remove",
+                                              "add,change", "remove,change", "add,remove,change"};
 
 TEST(BlendedView, NoEditIsBitExact) {
     const auto field = ball_field();
     const RenderedRays plain = render_rays(*field, front_rays(size));
     ASSERT_GT(plain.alpha.max().item<float>(), 0.5f);  // there is something to see
     const auto edit = ball_edit("add,remove,change", {0, 0, 0}, 0.7f);
-    for (const EditStack& stack : {EditStack{}, EditStack{{edit, 0, 0, 0}}, EditStack{{edit, 0, 0, 0}, {edit, 0, 0, 0}}}) {
+    for (const EditStack& stack :
+         {EditStack{}, EditStack{{edit, 0, 0, 0}}, EditStack{{edit, 0, 0, 0}, {edit, 0, 0, 0}}}) {
         const BlendedRays out = render(field, stack);
         EXPECT_TRUE(same_bits(out.color, plain.color));
         EXPECT_TRUE(same_bits(out.alpha, plain.alpha));
@@ -102,7 +105,8 @@ TEST(BlendedView, CompositingRulesMeetAtSmallSteps) {
         options.blend.compositing = Compositing::paper;
         const Tensor paper = render_blended_rays(*field, stack, front_rays(size), options).color;
         options.blend.compositing = Compositing::conserving;
-        gaps[i] = (paper - render_blended_rays(*field, stack, front_rays(size), options).color).abs().mean().item<double>();
+        gaps[i] =
+            (paper - render_blended_rays(*field, stack, front_rays(size), options).color).abs().mean().item<double>();
     }
     EXPECT_GT(gaps[0], 0);
     EXPECT_NEAR(gaps[0] / gaps[1], 8, 2.5);
@@ -125,9 +129,11 @@ TEST(BlendedView, RemovingEverythingUncoversTheBackground) {
 // Under `conserving` a stack of two is blend() of the second over the first one's medium; supports apart commute.
 TEST(BlendedView, StackOfTwo) {
     const auto field = ball_field();
-    const auto left = ball_edit("change", {-0.4f, 0, 0}, 0.3f, 1), right = ball_edit("add,remove", {0.4f, 0, 0}, 0.3f, 2);
+    const auto left = ball_edit("change", {-0.4f, 0, 0}, 0.3f, 1),
+               right = ball_edit("add,remove", {0.4f, 0, 0}, 0.3f, 2);
     const Tensor both = render(field, {{left}, {right}}).color, swapped = render(field, {{right}, {left}}).color;
-    EXPECT_NEAR((both - swapped).abs().max().item<float>(), 0, 2e-3);  // paper's rule against the mixture, supports apart
+    EXPECT_NEAR((both - swapped).abs().max().item<float>(), 0,
+                2e-3);  // paper's rule against the mixture, supports apart
     const Tensor alone = render(field, {{left}}).color, plain = render_rays(*field, front_rays(size)).color;
     const Tensor rays_left = touched_rays(*field, {{left}}, front_rays(size), {});
     const Tensor rays_right = touched_rays(*field, {{right}}, front_rays(size), {});
@@ -210,12 +216,14 @@ TEST(BlendedView, JitteredMarchesOfFieldAndAddedCellsMatch) {
 }
 
 TEST(Medium, MixtureIsExactWhereNothingIsEdited) {
-    const Medium below{torch::tensor({0.0f, 2.7f, 1e5f}), torch::tensor({{0.1f, 0.2f, 0.3f}, {0.7f, 0.9f, 0.3f}, {1.f, 0.f, .5f}})};
+    const Medium below{torch::tensor({0.0f, 2.7f, 1e5f}),
+                       torch::tensor({{0.1f, 0.2f, 0.3f}, {0.7f, 0.9f, 0.3f}, {1.f, 0.f, .5f}})};
     const EditSamples nothing{at::zeros({3}), at::full({3, 3}, 0.35f), at::zeros({3}), at::zeros({3})};
     const Medium same = blended_medium(below, nothing);
     EXPECT_TRUE(same_bits(same.density, below.density));
     EXPECT_TRUE(same_bits(same.color, below.color));
-    const EditSamples half{torch::tensor({1.0f, 1.35f, 0.0f}), at::full({3, 3}, 1.0f), at::full({3}, 0.5f), at::zeros({3})};
+    const EditSamples half{torch::tensor({1.0f, 1.35f, 0.0f}), at::full({3, 3}, 1.0f), at::full({3}, 0.5f),
+                           at::zeros({3})};
     const Medium mixed = blended_medium(below, half);
     EXPECT_TRUE(at::allclose(mixed.density, torch::tensor({1.0f, 2.7f, 5e4f})));
     EXPECT_TRUE(at::allclose(mixed.color[0], at::ones({3})));  // all of it is g's

@@ -1,4 +1,5 @@
-// A small field with a ball of density in the middle, rays through it, and edits over it, for the tests of blended views.
+// A small field with a ball of density in the middle, rays through it, and edits over it, for the tests of blended
+// views.
 #pragma once
 
 #include <gtest/gtest.h>
@@ -59,6 +60,8 @@ inline RayBundle front_rays(int size) {
             torch::tensor({0.0f, 1.0f, 0.0f}).expand({x.size(0), 3}).contiguous()};
 }
 
-inline bool same_bits(const Tensor& a, const Tensor& b) { return a.sizes() == b.sizes() && at::equal(a, b); }
+inline bool same_bits(const Tensor& a, const Tensor& b) {
+    return a.sizes() == b.sizes() && at::equal(a, b);
+}
 
 }  // namespace fieldgraft

@@ -184,7 +184,8 @@ TEST_F(Train, NonFiniteGradientsChangeNothing) {
 TEST_F(Train, ADivergedRunEndsWithOneLineAndItsState) {
     const fs::path checkpoint = temporary("diverged.safetensors");
     const std::atomic<bool> stop{true};
-    EXPECT_THROW(train_field(ball_data(), small_options(60), Reporter([](const Json&) {}, &stop), checkpoint), Cancelled);
+    EXPECT_THROW(train_field(ball_data(), small_options(60), Reporter([](const Json&) {}, &stop), checkpoint),
+                 Cancelled);
     SafeTensors saved = load_safetensors(checkpoint);
     saved.tensors.at("p.color.1").fill_(NAN);
     save_safetensors(checkpoint, saved.tensors, saved.metadata);
