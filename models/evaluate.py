@@ -7,7 +7,8 @@ over `WORD_TEMPLATES`; a picture counts for an attribute only when its caption s
 belongs to the query when its logit exceeds that of "photo"; IoU is the mean over queries whose thing shows at least
 `MIN_PIXELS` pixels; an absent query counts as left empty when at most 1 % of the picture's pixels are marked.
 The combinations of the "heldout" split (shape, material, colour) never occur in training.
-`shape_alone` and `colour_alone` count only pictures of one plain object with nothing beside it.
+`shape_alone` and `colour_alone` count only pictures of one plain object with nothing beside it; `colour_seen` those
+whose main object is plain and shows the colour it is called by on at least half of what is seen of it.
 """
 
 from __future__ import annotations
@@ -112,20 +113,21 @@ def add_batch(
     model: Guidance,
     tokenizer: CaptionTokenizer,
     batch: Batch,
-    alone: Tensor,
+    subsets: dict[str, tuple[int, Tensor]],
     words: list[Tensor],
     seen: list[Recognition],
-    seen_alone: list[Recognition],
+    in_subset: dict[str, Recognition],
     masks: Masks,
     moves: list[float],
 ) -> None:
-    """Adds one batch's counts to `seen`, `seen_alone` (pictures N with `alone`), `masks` and `moves`."""
+    """Adds one batch's counts to `seen`, `in_subset` (an attribute on some of the pictures), `masks` and `moves`."""
     images = batch.images.float() / 255
     embeddings, stages = model.visual(model.preprocess(images))
     embeddings = unit(embeddings.float())
     for column, recognition in enumerate(seen):
         recognition.add(embeddings @ words[column].T, batch.attributes[:, column])
-        seen_alone[column].add(embeddings[alone] @ words[column].T, batch.attributes[alone, column])
+    for name, (column, some) in subsets.items():
+        in_subset[name].add(embeddings[some] @ words[column].T, batch.attributes[some, column])
     said = unit(model.encode_text(tokenizer(batch.captions)))
     moved, told = unit(embeddings[::2] - embeddings[1::2], 1e-2), unit(said[::2] - said[1::2], 1e-2)
     moves.extend((moved * told).sum(-1).tolist())
@@ -144,10 +146,13 @@ def add_batch(
         masks.add(asked > neutral, batch.masks[:, q].bool(), batch.kinds[:, q])
 
 
-def is_alone(spec: str) -> bool:
-    """Does the scene (its description as JSON) show one plain object and nothing beside it?"""
-    objects = json.loads(spec)["objects"]
-    return len(objects) == 1 and objects[0]["material"] == "plain"
+def subsets_of(raw: dict[str, Any]) -> dict[str, tuple[int, Tensor]]:
+    """Figures that count only some of a generated batch's pictures: the attribute's column, and which pictures."""
+    objects = [json.loads(spec)["objects"] for pair in raw["spec"] for spec in pair]
+    plain = torch.tensor([o[0]["material"] == "plain" for o in objects])
+    alone = torch.tensor([len(o) == 1 for o in objects]) & plain
+    seen = torch.from_numpy(raw["colour_share"]).flatten() >= 0.5
+    return {"shape_alone": (0, alone), "colour_alone": (2, alone), "colour_seen": (2, seen & plain)}
 
 
 def evaluate(
@@ -159,17 +164,19 @@ def evaluate(
     vocabulary = generator.vocabulary()
     with torch.no_grad():
         words = word_embeddings(model, tokenizer, vocabulary)
-    seen, seen_alone = ([Recognition(list(vocabulary[a])) for a in WORD_TEMPLATES] for _ in range(2))
+    names = [list(vocabulary[a]) for a in WORD_TEMPLATES]
+    seen, in_subset = [Recognition(n) for n in names], {}
     masks, moves = Masks(), []
     done = 0
     while done < pictures:
         raw = generator.batch(pairs, threads=1)
-        alone = torch.tensor([is_alone(spec) for pair in raw["spec"] for spec in pair])
-        add_batch(model, tokenizer, to_batch(raw), alone, words, seen, seen_alone, masks, moves)
+        subsets = subsets_of(raw)
+        in_subset = in_subset or {name: Recognition(names[column]) for name, (column, _) in subsets.items()}
+        add_batch(model, tokenizer, to_batch(raw), subsets, words, seen, in_subset, masks, moves)
         done += 2 * pairs
     model.train(was_training)
     figures = {name: r.accuracy() for name, r in zip(("shape", "material", "colour"), seen, strict=True)}
-    figures |= {"shape_alone": seen_alone[0].accuracy(), "colour_alone": seen_alone[2].accuracy()}
+    figures |= {name: recognition.accuracy() for name, recognition in in_subset.items()}
     figures.update(masks.figures())
     figures["direction_cosine"] = sum(moves) / len(moves)
     return figures, seen

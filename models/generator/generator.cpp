@@ -1,6 +1,10 @@
 #include "models/generator/generator.h"
 
+#include <algorithm>
+
 #include <stdexcept>
+
+#include "models/generator/sight.h"
 
 namespace fieldgraft::generator {
 namespace {
@@ -79,6 +83,13 @@ void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, P
     picture.said = said_attributes(spec, pair.plan);
     picture.truth = {static_cast<int16_t>(main.shape), static_cast<int16_t>(main.material),
                      static_cast<int16_t>(main.colour)};
+    const Sight sight(spec, world, picture.frame);
+    const Wanted whole{.shape = main.shape, .material = main.material, .colour = main.colour};
+    Wanted painted = whole;
+    painted.piece_colour = main.colour;
+    if (main.colour >= 0)
+        picture.colour_share =
+            static_cast<float>(sight.samples(painted)) / static_cast<float>(std::max(1, sight.samples(whole)));
     picture.queries = draw_queries(spec, world, picture.frame, settings_, filter_, rng);
 }
 

@@ -17,7 +17,8 @@ struct Picture {
     Frame frame;
     std::string caption, spec;
     std::array<int16_t, 3> said{}, truth{};  // shape, material, colour of the main object; −1: not said, none
-    std::vector<Query> queries;              // kQueries of them
+    float colour_share = 0;      // of the main object's visible samples: how much of it is painted with its colour
+    std::vector<Query> queries;  // kQueries of them
 };
 
 struct PicturePair {

@@ -176,6 +176,26 @@ def test_a_mask_is_where_the_colour_is(module: Any) -> None:
     assert checked > 60
 
 
+def test_the_share_of_an_object_in_its_colour(module: Any, batch: dict[str, Any]) -> None:
+    """One-piece shapes have one paint, so all of them is in it; many others have parts of other colours."""
+    whole, some = [], []
+    for i, pair in enumerate(scenes(batch)):
+        for k, scene in enumerate(pair):
+            main = scene["objects"][0]
+            share = float(batch["colour_share"][i, k])
+            assert 0 <= share <= 1
+            if main["colour"] is None:
+                assert share == 0
+            elif main["material"] == "burning":
+                assert share < 1  # its flames are not in its colour
+            elif main["shape"] in ("cube", "ball", "cone", "cylinder", "ring", "pyramid"):
+                whole.append(share)
+            elif main["parts"] and any(c != main["colour"] for c in main["parts"].values()):
+                some.append(share)
+    assert len(whole) > 10 and min(whole) == 1
+    assert len(some) > 10 and np.mean(some) < 0.9
+
+
 def test_absent_things_are_absent(module: Any, batch: dict[str, Any]) -> None:
     shapes = set(module.Generator.vocabulary()["shapes"])
     asked = 0
