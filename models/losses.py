@@ -134,5 +134,5 @@ def mask_loss(logits: Tensor, masks: Tensor, valid: Tensor, kinds: Tensor) -> Te
     # What is not there: the surest percent of the pixels, which alone would mark something, counts by itself.
     surest = max(1, round(SUREST * logits[0].numel()))
     top = F.softplus(logits.masked_fill(valid == 0, -20.0).flatten(1).topk(surest, 1).values + MARGIN).mean(1)
-    loss = torch.where(present, plain + 0.5 * inside + dice, 3 * plain + 0.3 * top)
+    loss = torch.where(present, plain + 0.5 * inside + dice, 3 * plain + 0.5 * top)
     return torch.where(photo, level.sum((1, 2)) / area, loss).mean()

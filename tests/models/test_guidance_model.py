@@ -129,11 +129,11 @@ def test_mask_loss_closed_forms() -> None:
     assert loss(zero, empty, losses.PHOTO) == pytest.approx(0, abs=1e-6)
     assert loss(zero + 2, empty, losses.PHOTO) == pytest.approx(math.log(1 + math.exp(2)) - 1 - math.log(2), abs=1e-5)
     top = math.log(1 + math.exp(losses.MARGIN))
-    assert loss(zero, empty, losses.ABSENT) == pytest.approx(3 * math.log(2) + 0.3 * top, rel=1e-5)
+    assert loss(zero, empty, losses.ABSENT) == pytest.approx(3 * math.log(2) + 0.5 * top, rel=1e-5)
     # One sure pixel of 16 is what the surest percent (at least one pixel) looks at.
     spot = zero.clone() - 30
     spot[0, 1, 2] = 6
-    expected = 3 * math.log(1 + math.exp(6)) / 16 + 0.3 * math.log(1 + math.exp(6 + losses.MARGIN))
+    expected = 3 * math.log(1 + math.exp(6)) / 16 + 0.5 * math.log(1 + math.exp(6 + losses.MARGIN))
     assert loss(spot, empty, losses.ABSENT) == pytest.approx(expected, rel=1e-5)
     # Logit 0 everywhere, half of the picture marked: plain + 0.5 inside + Dice with its +1.
     dice = 1 - (2 * 4 + 1) / (8 + 8 + 1)
