@@ -173,7 +173,13 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
     if (!spec.masks.empty()) ask_masks(survey, spec, scene);
     region.score = survey.votes().score(inner_layers);
     if (spec.region_source != RegionSource::masks) {
+        const double surest = region.score.max().item<double>();
         region.score = scaled_to_border(region.score, core_share);
+        if (surest > least_vote && surest <= 0.5)
+            reporter.warning(fmt::format(
+                "the segmenter is not sure where \"{}\" is ({:.0f} % of the votes at most): other words may "
+                "say it better, or draw it with --mask VIEW:FILE",
+                spec.segmented_text(), 100 * surest));
         const Tensor specks = (region.score > 0.5).logical_and(without_specks(region.score > 0.5, speck_share) == 0);
         region.score.masked_fill_(specks, 0);
     }

@@ -88,10 +88,12 @@ Tensor grow_cells(const Tensor& cells, int radius) {
 }
 
 Tensor scaled_to_border(const Tensor& score, double core_share) {
-    const Tensor inside = score.masked_select(score > 0.5);
-    if (inside.numel() == 0) return score;
+    const double peak = score.numel() > 0 ? score.max().item<double>() : 0;
+    const double least = peak > 0.5 ? 0.5 : least_vote;
+    if (peak <= least) return score;
+    const Tensor inside = score.masked_select(score > least);
     const double core = at::quantile(inside.to(at::kDouble), 0.9).item<double>();
-    return (score * (0.5 / std::max(0.5, core_share * core))).clamp_max(1);
+    return (score * (0.5 / std::max(least, core_share * core))).clamp_max(1);
 }
 
 VoteGrid::VoteGrid(const FieldGeometry& geometry, int resolution) : geometry_(geometry), resolution_(resolution) {

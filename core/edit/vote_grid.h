@@ -25,7 +25,10 @@ Tensor grow_cells(const Tensor& cells, int radius);
 
 // Scores scaled so that ½ is where the region ends: at `core_share` of what its core (the best tenth of the cells above
 // ½) gets, but not below ½ of all votes. Seen from every side a body's own cells are agreed on; what it stands on or
-// hides behind is called the same in some views only.
+// hides behind is called the same in some views only. Where no cell has ½ of the votes, `least_vote` takes its place:
+// a region the views are not sure of is better shown than refused. Scores that stay below that are returned as they
+// are.
+constexpr double least_vote = 0.3;
 Tensor scaled_to_border(const Tensor& score, double core_share);
 
 class VoteGrid {
