@@ -38,7 +38,7 @@ void set_builtin(EditSpec& spec) {
     spec.tau = {
         .add = 0.8, .remove = 1.0, .change = 1.0, .add_start = 1.0, .change_start = 1.0, .relative_to_region = true};
     // A small segmenter finds the whole object where a colour is meant: let the text decide where in it paint belongs.
-    if (!spec.operations.add && !spec.operations.remove) spec.weights["inside"] = 0.3;
+    if (!spec.operations.add && !spec.operations.remove) spec.weights["inside"] = 0.6;
     // Less leaves blotches of whatever colour the guide mistakes for the target.
     if (spec.operations.add || spec.operations.change) spec.weights["smooth"] = 0.5;
     spec.region_fusion = RegionFusion::fused;
