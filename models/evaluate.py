@@ -1,6 +1,7 @@
 """Held-out figures of a guidance folder, and its model card.
 
     python models/evaluate.py models/guide [--pictures 4096] [--split heldout] [--card]
+    python models/evaluate.py models/guide --favour      does it favour held-out words, or shun them? (see `favour`)
 
 Recognition is zero-shot by text: a picture's class is the word with the largest cosine, the word's embedding averaged
 over `WORD_TEMPLATES`; a picture counts for an attribute only when its caption states it. Segmentation: a pixel
@@ -21,7 +22,7 @@ from typing import Any
 import torch
 from data import ROOT, Batch, load_generator_module, read_settings, to_batch
 from folder import load_folder
-from losses import ABSENT, ADDITION, ATTRIBUTE, GROUND, OBJECT, PART
+from losses import ABSENT, ADDITION, ATTRIBUTE, GROUND, OBJECT, PART, HeldOut
 from network import Guidance, unit
 from tokenizer import CaptionTokenizer, write_text
 from torch import Tensor
@@ -182,6 +183,27 @@ def evaluate(
     return figures, seen
 
 
+@torch.no_grad()
+def favour(
+    model: Guidance, tokenizer: CaptionTokenizer, generator: Any, held_out: HeldOut, pictures: int
+) -> dict[str, float]:
+    """On pictures of trained combinations: how often a wrong answer names a word that would make a held-out one, over
+    how often it would by chance. Above 1 the model favours what training never called wrong (and held-out figures
+    flatter it), below 1 it has learnt that such things do not exist."""
+    model.eval()
+    words = word_embeddings(model, tokenizer, generator.vocabulary())
+    named, chance = [0.0] * len(words), [0.0] * len(words)
+    for _ in range(0, pictures, 64):
+        batch = to_batch(generator.batch(32))
+        seen = unit(model.visual(model.preprocess(batch.images.float() / 255))[0].float())
+        for i, never in enumerate(held_out.never_shown(batch.truth)):
+            guess = (seen @ words[i].T).argmax(1)
+            wrong = (batch.attributes[:, i] >= 0) & (guess != batch.attributes[:, i])
+            named[i] += float(never[wrong, guess[wrong]].sum())
+            chance[i] += float((never[wrong].sum(1) / (never.shape[1] - 1)).sum())
+    return {f"favour_{a}": n / max(c, 1e-9) for a, n, c in zip(WORD_TEMPLATES, named, chance, strict=True)}
+
+
 def heldout_generator(split: str = "heldout", seed: int = 20261) -> Any:
     """The frozen held-out test: its settings file is fixed by a hash in the repository."""
     settings = ROOT / "models" / "generator" / "heldout_settings.json"
@@ -261,10 +283,17 @@ def main() -> None:
     parser.add_argument("--split", default="heldout")
     parser.add_argument("--threads", type=int, default=1)
     parser.add_argument("--card", action="store_true", help="write the folder's README.md")
+    parser.add_argument("--favour", action="store_true", help="print only that check")
     parser.add_argument("--history", default="", help="a line about the training for the card")
     args = parser.parse_args()
     torch.set_num_threads(args.threads)
     model, tokenizer = load_folder(args.folder)
+    if args.favour:
+        generator = heldout_generator("validation")
+        held_out = HeldOut.of(load_generator_module(), generator.vocabulary())
+        figures = favour(model, tokenizer, generator, held_out, args.pictures)
+        print(json.dumps({k: round(v, 2) for k, v in figures.items()}))
+        return
     generator = heldout_generator(args.split)
     figures, seen = evaluate(model, tokenizer, generator, args.pictures)
     print(json.dumps({k: round(v, 4) for k, v in figures.items()}))

@@ -13,6 +13,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import torch
 from network import unit
@@ -47,6 +48,12 @@ class HeldOut:
         # By shape and colour, for each material: in that colour where the material takes one.
         takes = torch.tensor(takes_colour)[None, :, None]
         self.by_material = torch.where(takes, self.table, self.table[:, :, -1:]).transpose(1, 2)
+
+    @classmethod
+    def of(cls, module: Any, vocabulary: dict[str, list[str]]) -> HeldOut:
+        """What the generator (its compiled module) keeps out of training."""
+        sizes = [len(vocabulary[a]) for a in ("shapes", "materials", "colours")]
+        return cls(module.is_held_out, [module.takes_colour(m) for m in range(sizes[1])], sizes)
 
     def never_shown(self, truth: Tensor) -> list[Tensor]:
         """truth N x 3, complete (colour -1: none). N x K bool an attribute: alternatives that are held out."""

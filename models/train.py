@@ -22,7 +22,7 @@ from typing import Any
 
 import torch
 from data import CROWDED, ROOT, Singles, Stream, lesson, load_generator_module, read_settings
-from evaluate import WORD_TEMPLATES, card, evaluate, heldout_generator, write_figures
+from evaluate import card, evaluate, heldout_generator, write_figures
 from folder import load_folder, save_folder
 from losses import HeldOut
 from network import CONTEXT_LENGTH, default_config
@@ -81,9 +81,7 @@ class Run:
         self.crowded = module.Generator(seed=stream_seed + 997, split=split, size=64, settings=json.dumps(CROWDED))
         self.vocabulary = self.generator.vocabulary()
         self.tokenizer, config = self._tokenizer_and_config(resumed)
-        sizes = [len(self.vocabulary[a]) for a in WORD_TEMPLATES]
-        takes = [module.takes_colour(m) for m in range(sizes[1])]
-        held_out = HeldOut(module.is_held_out, takes, sizes)
+        held_out = HeldOut.of(module, self.vocabulary)
         self.trainer = Trainer(config, self.tokenizer, self.vocabulary, held_out, seed, args.device, args.rate)
         if resumed:
             self.trainer.restore(self.folder / "latest.pt")

@@ -196,27 +196,13 @@ class BlockSampler {
     Tensor offsets_, sub_, box_min_, box_max_;
 };
 
-// How many of the bins, on which weights lie, are left when `share` of the weight is cut off at either end.
-std::int64_t bins_between(const std::vector<double>& weights, double share) {
-    double total = 0;
-    for (const double w : weights) total += w;
-    const auto cut = [&](auto first, auto last) {
-        double sum = 0;
-        std::int64_t bins = 0;
-        for (; first != last && sum + *first <= share * total; ++first, ++bins) sum += *first;
-        return bins;
-    };
-    const auto all = static_cast<std::int64_t>(weights.size());
-    return std::max<std::int64_t>(0, all - cut(weights.begin(), weights.end()) - cut(weights.rbegin(), weights.rend()));
-}
+}  // namespace
 
 double longest_edge(const FieldGeometry& geometry) {
     double longest = 0;
     for (int a = 0; a < 3; ++a) longest = std::max(longest, geometry.box_max[a] - geometry.box_min[a]);
     return longest;
 }
-
-}  // namespace
 
 double frame_scale(const FieldGeometry& geometry) {
     const auto& f = geometry.frame;
@@ -245,38 +231,6 @@ std::array<std::int64_t, 3> voxel_counts(const FieldGeometry& geometry, double v
         counts[a] = std::max<std::int64_t>(1, static_cast<std::int64_t>(std::ceil(edge / voxel - 1e-6)));
     }
     return counts;
-}
-
-double content_edge(const FieldGeometry& geometry, const VolumeSource& medium, SamplingOptions options) {
-    constexpr int coarse = 128;
-    constexpr double outside = 1e-3;
-    const double box = longest_edge(geometry);
-    options.voxel = box / coarse;
-    options.supersample = 1;
-    const VolumeSource dense{medium.density,
-                             [](const Tensor& p) {
-                                 return at::zeros({p.size(0), 3}, at::kFloat);
-                             },
-                             medium.occupancy};
-    const SparseVolume found = sample_volume(geometry, dense, options);
-    if (found.origins.size(0) == 0) return box;
-    const Tensor weight = found.density.to(at::kDouble).view({-1, block_edge, block_edge, block_edge});
-    double edge = 0;
-    for (int a = 0; a < 3; ++a) {
-        const std::vector<std::int64_t> others = a == 0   ? std::vector<std::int64_t>{2, 3}
-                                                 : a == 1 ? std::vector<std::int64_t>{1, 3}
-                                                          : std::vector<std::int64_t>{1, 2};
-        const Tensor line = weight.sum(others).contiguous();  // B×8
-        std::vector<double> bins(static_cast<std::size_t>(found.origins.select(1, a).max().item<int>()) + block_edge);
-        for (std::int64_t b = 0; b < line.size(0); ++b) {
-            const int first = found.origins[b][a].item<int>();
-            for (int i = 0; i < block_edge; ++i) {
-                bins[static_cast<std::size_t>(first + i)] += line.data_ptr<double>()[b * block_edge + i];
-            }
-        }
-        edge = std::max(edge, static_cast<double>(bins_between(bins, outside)) * options.voxel);
-    }
-    return edge > 0 ? std::min(edge, box) : box;
 }
 
 SparseVolume sample_volume(const FieldGeometry& geometry, const VolumeSource& medium, const SamplingOptions& options,

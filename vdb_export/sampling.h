@@ -12,9 +12,6 @@
 // voxels thin, Cycles' picture came nearer to ours with 2 and without sub-samples, which swell thin parts less. Colour
 // is taken at the density-weighted centre of the sub-samples. Voxels with σ·h below the threshold are 0.
 //
-// How finely: `content_edge` says how long the part of the box is that holds something, so that a resolution counts
-// voxels over the thing and not over the emptiness a field's box leaves around it.
-//
 // Memory: one chunk of blocks at a time beside what is kept.
 #pragma once
 
@@ -44,14 +41,10 @@ struct SamplingOptions {
 // The voxels along each axis that cover the box.
 std::array<std::int64_t, 3> voxel_counts(const FieldGeometry& geometry, double voxel);
 
+double longest_edge(const FieldGeometry& geometry);
+
 // Scale of the frame's rotation-and-scale part. Throws std::invalid_argument when the frame is not a similarity.
 double frame_scale(const FieldGeometry& geometry);
-
-// The longest edge (model units) of the axis-aligned box that holds what there is, found on a grid of 128 voxels along
-// the field's box; a thousandth of the optical depth may lie outside on each side, so that a floater does not count.
-// Never more than the field's box, which it is where nothing is found. `options` as for sample_volume, but for the
-// voxel.
-double content_edge(const FieldGeometry& geometry, const VolumeSource& medium, SamplingOptions options);
 
 // Blocks with at least one voxel above the threshold (maybe none). Throws Cancelled when the reporter asks to stop.
 SparseVolume sample_volume(const FieldGeometry& geometry, const VolumeSource& medium, const SamplingOptions& options,

@@ -4,7 +4,7 @@
 #include <cmath>
 
 #include "core/base/errors.h"
-#include "vdb_export/sampling.h"
+#include "vdb_export/content_edge.h"
 #include "vdb_export/volume_source.h"
 
 namespace fieldgraft {
@@ -14,9 +14,7 @@ constexpr int least_resolution = 8, greatest_resolution = 2048;
 
 // The voxel's edge in model units; `content` is the edge of what there is (see content_edge).
 double model_voxel(const FieldGeometry& geometry, const BakeOptions& options, const std::function<double()>& content) {
-    double longest = 0;
-    for (int a = 0; a < 3; ++a) longest = std::max(longest, geometry.box_max[a] - geometry.box_min[a]);
-    const double scale = frame_scale(geometry);
+    const double longest = longest_edge(geometry), scale = frame_scale(geometry);
     if (options.voxel_size > 0) {
         const double voxel = options.voxel_size * scale;
         if (longest / voxel > greatest_resolution || longest / voxel < least_resolution) {

@@ -4,8 +4,6 @@
 
 #include <stdexcept>
 
-#include "models/generator/sight.h"
-
 namespace fieldgraft::generator {
 namespace {
 
@@ -90,7 +88,7 @@ void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, P
     if (main.colour >= 0)
         picture.colour_share =
             static_cast<float>(sight.samples(painted)) / static_cast<float>(std::max(1, sight.samples(whole)));
-    picture.queries = draw_queries(spec, world, picture.frame, settings_, filter_, rng);
+    picture.queries = draw_queries(spec, sight, settings_, filter_, rng);
 }
 
 }  // namespace fieldgraft::generator

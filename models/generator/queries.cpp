@@ -4,7 +4,6 @@
 
 #include "models/generator/captions.h"
 #include "models/generator/shapes.h"
-#include "models/generator/sight.h"
 
 namespace fieldgraft::generator {
 namespace {
@@ -13,9 +12,8 @@ constexpr int kFewestSamples = 14;  // of the four a pixel has
 
 class Asker {
   public:
-    Asker(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings, Filter filter,
-          Rng rng)
-        : spec_(spec), settings_(settings), filter_(filter), sight_(spec, world, frame), rng_(rng) {}
+    Asker(const SceneSpec& spec, const Sight& sight, const Settings& settings, Filter filter, Rng rng)
+        : spec_(spec), settings_(settings), filter_(filter), sight_(sight), rng_(rng) {}
 
     std::vector<Query> ask() {
         std::vector<Query> list;
@@ -299,15 +297,15 @@ class Asker {
     const SceneSpec& spec_;
     const Settings& settings_;
     Filter filter_;
-    Sight sight_;
+    const Sight& sight_;
     Rng rng_;
 };
 
 }  // namespace
 
-std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings,
-                                Filter filter, Rng rng) {
-    return Asker(spec, world, frame, settings, filter, rng).ask();
+std::vector<Query> draw_queries(const SceneSpec& spec, const Sight& sight, const Settings& settings, Filter filter,
+                                Rng rng) {
+    return Asker(spec, sight, settings, filter, rng).ask();
 }
 
 }  // namespace fieldgraft::generator

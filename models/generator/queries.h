@@ -8,10 +8,9 @@
 #include <vector>
 
 #include "models/generator/compose.h"
-#include "models/generator/render.h"
 #include "models/generator/settings.h"
+#include "models/generator/sight.h"
 #include "models/generator/spec.h"
-#include "models/generator/world.h"
 
 namespace fieldgraft::generator {
 
@@ -26,7 +25,7 @@ struct Query {
 
 // `filter` kTrain: combinations kept for the held-out split are not asked for as absent either, or training would teach
 // that they never exist.
-std::vector<Query> draw_queries(const SceneSpec& spec, const World& world, const Frame& frame, const Settings& settings,
-                                Filter filter, Rng rng);
+std::vector<Query> draw_queries(const SceneSpec& spec, const Sight& sight, const Settings& settings, Filter filter,
+                                Rng rng);
 
 }  // namespace fieldgraft::generator

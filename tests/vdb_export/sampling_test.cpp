@@ -6,6 +6,7 @@
 #include <cmath>
 
 #include "core/base/errors.h"
+#include "vdb_export/content_edge.h"
 
 namespace fieldgraft {
 namespace {
