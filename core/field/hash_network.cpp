@@ -1,17 +1,18 @@
 #include "core/field/hash_network.h"
 
+#include <algorithm>
 #include <stdexcept>
 
 #include "core/base/errors.h"
 #include "core/base/shape.h"
 #include "core/base/spans.h"
-#include "core/field/torch_parallel.h"
+#include "core/field/kernel_field.h"
+#include "core/kernels/field_mlp_simd.h"
+#include "core/kernels/hash_grid_simd.h"
 #include "core/kernels/spherical_harmonics_ref.h"
 
 namespace fieldgraft {
 namespace {
-
-constexpr std::int64_t chunk_size = 2048;  // samples; the widest activations are then 512 KiB
 
 using NetworkPtr = std::shared_ptr<const HashNetwork>;
 
@@ -19,27 +20,73 @@ using torch::autograd::AutogradContext;
 using torch::autograd::Variable;
 using torch::autograd::variable_list;
 
-std::int64_t chunk_count(std::int64_t samples) {
-    return (samples + chunk_size - 1) / chunk_size;
+// Long chunks reuse a level's table while it is in the cache, short ones keep every thread busy.
+struct Chunks {
+    std::int64_t samples, size;
+
+    explicit Chunks(std::int64_t n) : samples(n), size(std::clamp<std::int64_t>((n / 8 + 15) / 16 * 16, 512, 8192)) {}
+    std::int64_t count() const { return (samples + size - 1) / size; }
+    std::int64_t first(std::int64_t chunk) const { return chunk * size; }
+    std::int64_t length(std::int64_t chunk) const { return std::min(size, samples - chunk * size); }
+
+    // Calls body(chunk) for every chunk, side by side, without recording gradients.
+    void for_each(const std::function<void(std::int64_t)>& body) const {
+        at::parallel_for(0, count(), 1, [&](std::int64_t begin, std::int64_t end) {
+            at::NoGradGuard no_grad;  // the mode is a thread's own
+            for (std::int64_t c = begin; c < end; ++c) body(c);
+        });
+    }
+};
+
+float* row_of(const Tensor& rows, std::int64_t first) {
+    return rows.defined() ? rows.mutable_data_ptr<float>() + first * rows.size(1) : nullptr;
 }
 
-// Calls body(chunk, first sample, number of samples) for every chunk, chunks side by side, without recording gradients.
-void for_each_chunk(std::int64_t samples, const std::function<void(std::int64_t, std::int64_t, std::int64_t)>& body) {
-    at::parallel_for(0, chunk_count(samples), 1, [&](std::int64_t begin, std::int64_t end) {
-        at::NoGradGuard no_grad;  // the mode is a thread's own
-        for (std::int64_t c = begin; c < end; ++c) {
-            body(c, c * chunk_size, std::min(chunk_size, samples - c * chunk_size));
-        }
-    });
+// N×width as the kernels read it: rows padded with zeros.
+Tensor padded_rows(const Tensor& rows) {
+    const std::int64_t width = rows.size(1), whole = padded(static_cast<int>(width));
+    if (width == whole) return rows.contiguous();
+    Tensor out = at::zeros({rows.size(0), whole}, rows.options());
+    out.narrow(1, 0, width).copy_(rows);
+    return out;
 }
 
-// What the backward pass needs of every chunk, feature-major (rows × samples of the chunk).
-using Saved = std::vector<Tensor>;
+// What one function of the two networks uses: the matrices it does not have are zeros.
+FieldMlpWeights packed_weights(const FieldMlpShape& shape, const std::vector<Tensor>& matrices, bool density) {
+    const std::vector<std::int64_t> sizes{shape.hidden * shape.encoded, shape.features * shape.hidden,
+                                          shape.color_hidden * (shape.basis + shape.features),
+                                          shape.color_hidden * shape.color_hidden, 3 * shape.color_hidden};
+    std::vector<Tensor> all;
+    for (std::size_t i = 0; i < sizes.size(); ++i) {
+        const bool own = density == (i < 2);
+        all.push_back(own ? matrices[density ? i : i - 2].contiguous() : at::zeros({sizes[i]}, at::kFloat));
+    }
+    FieldMlpMatrices spans;
+    for (const Tensor& matrix : all) spans.push_back(values(matrix));
+    FieldMlpWeights weights(shape);
+    weights.pack(spans);
+    return weights;
+}
 
-Tensor sum_in_order(const std::vector<Tensor>& parts, const Tensor& like) {
-    Tensor total = at::zeros_like(like);
-    for (const Tensor& part : parts) total.add_(part);
-    return total;
+// The gradients of the matrices [first, first + count) of the five, out of the chunks' sums.
+std::vector<Tensor> matrix_gradients(const FieldMlpShape& shape, const std::vector<FieldMlpGradients>& parts,
+                                     const std::vector<Tensor>& like, std::size_t first) {
+    FieldMlpGradients total(shape);
+    for (const FieldMlpGradients& part : parts) total.add(part);
+    const std::vector<std::vector<std::int64_t>> shapes{{shape.hidden, shape.encoded},
+                                                        {shape.features, shape.hidden},
+                                                        {shape.color_hidden, shape.basis + shape.features},
+                                                        {shape.color_hidden, shape.color_hidden},
+                                                        {3, shape.color_hidden}};
+    std::vector<Tensor> all, wanted;
+    std::vector<std::span<float>> spans;
+    for (const auto& size : shapes) {
+        all.push_back(at::zeros(size, at::kFloat));
+        spans.push_back(mutable_values(all.back()));
+    }
+    total.add_to(shape, spans);
+    for (std::size_t i = 0; i < like.size(); ++i) wanted.push_back(all[first + i]);
+    return wanted;
 }
 
 // Unit-cube coordinates (3×n) of a chunk; `inside` (n) is 1 within the box, 0 outside.
@@ -58,60 +105,51 @@ void to_unit_cube(const HashNetwork& network, const float* positions, std::int64
     }
 }
 
-struct DensityChunk {
-    Tensor unit, inside, encoded, hidden;
-};
-
-// The forward pass of one chunk; writes its columns of features (F×N) and its part of density (N).
-DensityChunk density_chunk(const HashNetwork& network, const Tensor& positions, const Tensor& table,
-                           const std::vector<Tensor>& weights, std::int64_t first, std::int64_t n, Tensor& features,
-                           Tensor& density) {
-    DensityChunk chunk;
-    const auto options = positions.options();
-    chunk.unit = at::empty({3, n}, options);
-    chunk.inside = at::empty({n}, options);
-    to_unit_cube(network, positions.const_data_ptr<float>() + 3 * first, n, chunk.unit.mutable_data_ptr<float>(),
-                 chunk.inside.mutable_data_ptr<float>());
-    chunk.encoded = at::empty({static_cast<std::int64_t>(network.grid.rows()), n}, options);
-    hash_grid_forward<float>(network.grid, values(table), values(chunk.unit), mutable_values(chunk.encoded));
-    chunk.hidden = at::mm(weights[0], chunk.encoded).relu_();
-    Tensor out = features.narrow(1, first, n);
-    at::mm_out(out, weights[1], chunk.hidden);
-    Tensor part = density.narrow(0, first, n);
-    at::add_out(part, out.select(0, 0), at::scalar_tensor(log_density_offset, options));
-    part.clamp_max_(log_density_limit).exp_().mul_(chunk.inside);
-    return chunk;
-}
-
 // A tensor that keeps the network alive as long as the graph that needs it.
 Tensor holder_of(const NetworkPtr& network) {
     return at::from_blob(
         const_cast<HashNetwork*>(network.get()), {1}, [network](void*) {}, at::kByte);
 }
 
+FieldMlpShape density_shape(const HashNetwork& network, const Tensor& w0, const Tensor& w1) {
+    return {static_cast<int>(network.grid.rows()), static_cast<int>(w0.size(0)), static_cast<int>(w1.size(0)), 1, 1};
+}
+
 class DensityFunction : public torch::autograd::Function<DensityFunction> {
   public:
     static variable_list forward(AutogradContext* context, const NetworkPtr& network, const Variable& positions,
                                  const Variable& table, const Variable& w0, const Variable& w1) {
-        const std::int64_t n = positions.size(0);
-        Tensor features = at::empty({w1.size(0), n}, positions.options());
-        Tensor density = at::empty({n}, positions.options());
+        const Chunks chunks(positions.size(0));
+        const std::int64_t n = chunks.samples;
+        const FieldMlpShape shape = density_shape(*network, w0, w1);
+        const FieldMlpWeights weights = packed_weights(shape, {w0, w1}, true);
+        const std::int64_t row = padded(shape.encoded), width = padded(shape.features);
         const bool keep = context != nullptr;
-        Saved saved(keep ? 4 * chunk_count(n) : 0);
-        for_each_chunk(n, [&](std::int64_t c, std::int64_t first, std::int64_t count) {
-            DensityChunk chunk = density_chunk(*network, positions, table, {w0, w1}, first, count, features, density);
-            if (!keep) return;
-            saved[4 * c] = chunk.unit;
-            saved[4 * c + 1] = chunk.inside;
-            saved[4 * c + 2] = chunk.encoded;
-            saved[4 * c + 3] = chunk.hidden;
+        const Tensor features = at::empty({n, width}, positions.options());
+        const Tensor density = at::empty({n}, positions.options());
+        const Tensor kept = keep ? at::empty({n, row}, positions.options()) : Tensor();
+        std::vector<Tensor> units(keep ? chunks.count() : 0);
+        chunks.for_each([&](std::int64_t c) {
+            const std::int64_t first = chunks.first(c), count = chunks.length(c);
+            const Tensor unit = at::empty({3, count}, positions.options());
+            const Tensor encoded = keep ? kept.narrow(0, first, count) : at::empty({count, row}, positions.options());
+            float* part = density.mutable_data_ptr<float>() + first;  // 1 inside the box, 0 outside, to begin with
+            to_unit_cube(*network, positions.const_data_ptr<float>() + 3 * first, count,
+                         unit.mutable_data_ptr<float>(), part);
+            hash_grid_encode(network->grid, values(table), unit.const_data_ptr<float>(), count,
+                             encoded.mutable_data_ptr<float>(), row);
+            density_mlp_forward(weights, encoded.const_data_ptr<float>(), static_cast<int>(count),
+                                row_of(features, first));
+            Tensor log_density = features.narrow(0, first, count).select(1, 0) + log_density_offset;
+            density.narrow(0, first, count).mul_(log_density.clamp_max_(log_density_limit).exp_());
+            if (keep) units[c] = unit;
         });
         if (keep) {
-            context->save_for_backward({table, w0, w1, density});
-            context->saved_data["chunks"] = saved;
+            context->save_for_backward({table, w0, w1, density, kept});
+            context->saved_data["units"] = units;
             context->saved_data["network"] = holder_of(network);
         }
-        return {density, features.t()};
+        return {density, features.narrow(1, 0, shape.features)};
     }
 
     static variable_list backward(AutogradContext* context, variable_list grads) {
@@ -119,62 +157,115 @@ class DensityFunction : public torch::autograd::Function<DensityFunction> {
         const Tensor holder = context->saved_data["network"].toTensor();
         const auto* network = static_cast<const HashNetwork*>(holder.const_data_ptr());
         const variable_list tensors = context->get_saved_variables();
-        const Tensor &table = tensors[0], &w0 = tensors[1], &w1 = tensors[2], &density = tensors[3];
-        const Saved saved = context->saved_data["chunks"].toTensorVector();
-        const std::int64_t n = density.size(0);
-        std::vector<Tensor> grads0(chunk_count(n)), grads1(chunk_count(n)), encoded_grads(chunk_count(n));
-        for_each_chunk(n, [&](std::int64_t c, std::int64_t first, std::int64_t count) {
-            const Tensor &encoded = saved[4 * c + 2], &hidden = saved[4 * c + 3];
-            Tensor out_grad = at::zeros({w1.size(0), count}, density.options());
-            if (grads[1].defined()) out_grad.copy_(grads[1].narrow(0, first, count).t());
-            if (grads[0].defined()) {
-                // Where the box ends density is a constant 0, and density · gradient is 0 too.
-                out_grad.select(0, 0).addcmul_(grads[0].narrow(0, first, count), density.narrow(0, first, count));
-            }
-            grads1[c] = at::mm(out_grad, hidden.t());
-            Tensor hidden_grad = at::mm(w1.t(), out_grad);
-            at::threshold_backward_out(hidden_grad, hidden_grad, hidden, 0);
-            grads0[c] = at::mm(hidden_grad, encoded.t());
-            encoded_grads[c] = at::mm(w0.t(), hidden_grad);
+        const Tensor &table = tensors[0], &w0 = tensors[1], &w1 = tensors[2], &density = tensors[3],
+                     &encoded = tensors[4];
+        const std::vector<Tensor> units = context->saved_data["units"].toTensorVector();
+        const Chunks chunks(density.size(0));
+        const FieldMlpShape shape = density_shape(*network, w0, w1);
+        const FieldMlpWeights weights = packed_weights(shape, {w0, w1}, true);
+        Tensor features_grad = at::zeros({chunks.samples, padded(shape.features)}, density.options());
+        if (grads[1].defined()) features_grad.narrow(1, 0, shape.features).copy_(grads[1]);
+        // Where the box ends density is a constant 0, and density · gradient is 0 too.
+        if (grads[0].defined()) features_grad.select(1, 0).addcmul_(grads[0], density);
+        const Tensor encoded_grad = at::empty_like(encoded);
+        std::vector<FieldMlpGradients> sums(chunks.count(), FieldMlpGradients(shape));
+        std::vector<HashGridRows> rows(chunks.count());
+        chunks.for_each([&](std::int64_t c) {
+            const std::int64_t first = chunks.first(c), count = chunks.length(c);
+            density_mlp_backward(weights, row_of(encoded, first), row_of(features_grad, first),
+                                 static_cast<int>(count), sums[c], row_of(encoded_grad, first));
+            rows[c] = {units[c].const_data_ptr<float>(), row_of(encoded_grad, first),
+                       static_cast<std::size_t>(count), static_cast<std::size_t>(encoded.size(1)),
+                       static_cast<std::size_t>(network->grid.features)};
         });
-        Tensor table_grad = at::zeros_like(table);
-        std::vector<HashGridChunk<float>> chunks;
-        for (std::int64_t c = 0; c < chunk_count(n); ++c)
-            chunks.push_back({values(saved[4 * c]), values(encoded_grads[c])});
-        hash_grid_backward<float>(network->grid, chunks, mutable_values(table_grad), torch_parallel_for);
-        return {Variable(), Variable(), table_grad, sum_in_order(grads0, w0), sum_in_order(grads1, w1)};
+        const Tensor table_grad = at::zeros_like(table);
+        add_table_gradient(network->grid, rows, table_grad);
+        std::vector<Tensor> matrices = matrix_gradients(shape, sums, {w0, w1}, 0);
+        return {Variable(), Variable(), table_grad, matrices[0], matrices[1]};
+    }
+
+  private:
+    static void add_table_gradient(const HashGrid& grid, const std::vector<HashGridRows>& rows, const Tensor& grad) {
+        // Fine levels cost more than coarse ones: dealt out so that two contiguous halves are alike.
+        const std::int64_t count = static_cast<std::int64_t>(grid.levels.size());
+        std::vector<int> order;
+        for (int l = 0; l < count; l += 2) order.push_back(l);
+        for (int l = 1; l < count; l += 2) order.push_back(l);
+        float* first = grad.mutable_data_ptr<float>();
+        at::parallel_for(0, count, 1, [&](std::int64_t begin, std::int64_t end) {
+            for (std::int64_t i = begin; i < end; ++i) {
+                const auto& level = grid.levels[order[i]];
+                hash_grid_add_gradient(grid, order[i], rows, first + level.offset * grid.features);
+            }
+        });
     }
 };
+
+// The directions of a chunk, samples of a ray taken together: which one each sample has, and their basis' values.
+struct ChunkRays {
+    Tensor ray;    // n int32
+    Tensor basis;  // R×B, padded
+};
+
+ChunkRays rays_of_chunk(const Tensor& directions, std::int64_t first, std::int64_t count, int degree) {
+    const float* d = directions.const_data_ptr<float>() + 3 * first;
+    const Tensor ray = at::empty({count}, at::kInt);
+    std::int32_t* number = ray.mutable_data_ptr<std::int32_t>();
+    std::vector<std::int64_t> starts;
+    for (std::int64_t i = 0; i < count; ++i) {
+        if (i == 0 || !std::equal(d + 3 * i, d + 3 * i + 3, d + 3 * i - 3)) starts.push_back(i);
+        number[i] = static_cast<std::int32_t>(starts.size()) - 1;
+    }
+    const std::int64_t rays = static_cast<std::int64_t>(starts.size()), terms = std::int64_t{degree} * degree;
+    std::vector<float> columns(3 * rays), terms_of(terms * rays);
+    for (std::int64_t r = 0; r < rays; ++r) {
+        for (int c = 0; c < 3; ++c) columns[c * rays + r] = d[3 * starts[r] + c];
+    }
+    spherical_harmonics<float>(degree, columns, terms_of);
+    const Tensor basis = at::zeros({rays, padded(static_cast<int>(terms))}, at::kFloat);
+    basis.narrow(1, 0, terms).copy_(at::from_blob(terms_of.data(), {terms, rays}, at::kFloat).t());
+    return {ray, basis};
+}
+
+FieldMlpShape color_shape(std::int64_t features, std::int64_t degree, const Tensor& w0) {
+    return {1, 1, static_cast<int>(features), static_cast<int>(degree * degree), static_cast<int>(w0.size(0))};
+}
 
 class ColorFunction : public torch::autograd::Function<ColorFunction> {
   public:
     static variable_list forward(AutogradContext* context, std::int64_t sh_degree, const Variable& features,
                                  const Variable& directions, const Variable& w0, const Variable& w1,
                                  const Variable& w2) {
-        const std::int64_t n = features.size(0), basis = sh_degree * sh_degree;
-        Tensor color = at::empty({n, 3}, features.options());
+        const Chunks chunks(features.size(0));
+        const FieldMlpShape shape = color_shape(features.size(1), sh_degree, w0);
+        const FieldMlpWeights weights = packed_weights(shape, {w0, w1, w2}, false);
+        const std::int64_t width = padded(shape.color_hidden);
         const bool keep = context != nullptr;
-        Saved saved(keep ? 4 * chunk_count(n) : 0);
-        for_each_chunk(n, [&](std::int64_t c, std::int64_t first, std::int64_t count) {
-            Tensor input = at::empty({basis + features.size(1), count}, features.options());
-            const Tensor direction = directions.narrow(0, first, count).t().contiguous();
-            spherical_harmonics<float>(static_cast<int>(sh_degree), values(direction),
-                                       mutable_values(input.narrow(0, 0, basis)));
-            input.narrow(0, basis, features.size(1)).copy_(features.narrow(0, first, count).t());
-            Tensor hidden0 = at::mm(w0, input).relu_(), hidden1 = at::mm(w1, hidden0).relu_();
-            Tensor out = at::mm(w2, hidden1).sigmoid_();
-            color.narrow(0, first, count).copy_(out.t());
+        const Tensor inputs = padded_rows(features), packed_directions = directions.contiguous();
+        const Tensor color = at::empty({chunks.samples, 3}, features.options());
+        const Tensor kept = keep ? at::empty({2, chunks.samples, width}, features.options()) : Tensor();
+        std::vector<Tensor> rays(keep ? 2 * chunks.count() : 0);
+        chunks.for_each([&](std::int64_t c) {
+            const std::int64_t first = chunks.first(c), count = chunks.length(c);
+            const ChunkRays own = rays_of_chunk(packed_directions, first, count, static_cast<int>(sh_degree));
+            const Tensor base = at::empty({own.basis.size(0), width}, features.options());
+            ray_color_base(weights, own.basis.const_data_ptr<float>(), static_cast<int>(own.basis.size(0)),
+                           base.mutable_data_ptr<float>());
+            const Tensor scratch = keep ? Tensor() : at::empty({2, count, width}, features.options());
+            float* hidden0 = keep ? row_of(kept[0], first) : row_of(scratch[0], 0);
+            float* hidden1 = keep ? row_of(kept[1], first) : row_of(scratch[1], 0);
+            color_mlp_forward(weights, row_of(inputs, first), own.ray.const_data_ptr<std::int32_t>(),
+                              base.const_data_ptr<float>(), static_cast<int>(count), hidden0, hidden1,
+                              row_of(color, first));
             if (!keep) return;
-            saved[4 * c] = input;
-            saved[4 * c + 1] = hidden0;
-            saved[4 * c + 2] = hidden1;
-            saved[4 * c + 3] = out;
+            rays[2 * c] = own.ray;
+            rays[2 * c + 1] = own.basis;
         });
         if (keep) {
-            context->save_for_backward({w0, w1, w2});
-            context->saved_data["chunks"] = saved;
-            context->saved_data["samples"] = n;
-            context->saved_data["basis"] = basis;
+            context->save_for_backward({w0, w1, w2, inputs, kept, color});
+            context->saved_data["rays"] = rays;
+            context->saved_data["features"] = features.size(1);
+            context->saved_data["degree"] = sh_degree;
         }
         return {color};
     }
@@ -182,33 +273,29 @@ class ColorFunction : public torch::autograd::Function<ColorFunction> {
     static variable_list backward(AutogradContext* context, variable_list grads) {
         at::NoGradGuard no_grad;
         const variable_list tensors = context->get_saved_variables();
-        const Tensor &w0 = tensors[0], &w1 = tensors[1], &w2 = tensors[2];
-        const Saved saved = context->saved_data["chunks"].toTensorVector();
-        const std::int64_t n = context->saved_data["samples"].toInt(), basis = context->saved_data["basis"].toInt();
-        const std::int64_t feature_size = w0.size(1) - basis;
-        const Tensor feature_weights = w0.narrow(1, basis, feature_size);
-        std::vector<Tensor> grads0(chunk_count(n)), grads1(chunk_count(n)), grads2(chunk_count(n));
-        Tensor features_grad = at::empty({feature_size, n}, w0.options());
-        for_each_chunk(n, [&](std::int64_t c, std::int64_t first, std::int64_t count) {
-            const Tensor &input = saved[4 * c], &hidden0 = saved[4 * c + 1], &hidden1 = saved[4 * c + 2];
-            const Tensor grad =
-                at::sigmoid_backward(grads[0].narrow(0, first, count).t(), saved[4 * c + 3]).contiguous();
-            grads2[c] = at::mm(grad, hidden1.t());
-            Tensor back1 = at::mm(w2.t(), grad);
-            at::threshold_backward_out(back1, back1, hidden1, 0);
-            grads1[c] = at::mm(back1, hidden0.t());
-            Tensor back0 = at::mm(w1.t(), back1);
-            at::threshold_backward_out(back0, back0, hidden0, 0);
-            grads0[c] = at::mm(back0, input.t());
-            Tensor out = features_grad.narrow(1, first, count);
-            at::mm_out(out, feature_weights.t(), back0);
+        const Tensor &w0 = tensors[0], &w1 = tensors[1], &w2 = tensors[2], &inputs = tensors[3], &kept = tensors[4],
+                     &color = tensors[5];
+        const std::vector<Tensor> rays = context->saved_data["rays"].toTensorVector();
+        const std::int64_t feature_size = context->saved_data["features"].toInt();
+        const Chunks chunks(color.size(0));
+        const FieldMlpShape shape = color_shape(feature_size, context->saved_data["degree"].toInt(), w0);
+        const FieldMlpWeights weights = packed_weights(shape, {w0, w1, w2}, false);
+        const Tensor color_grad = grads[0].contiguous(), features_grad = at::empty_like(inputs);
+        std::vector<FieldMlpGradients> sums(chunks.count(), FieldMlpGradients(shape));
+        chunks.for_each([&](std::int64_t c) {
+            const std::int64_t first = chunks.first(c);
+            const Tensor &ray = rays[2 * c], &basis = rays[2 * c + 1];
+            const Tensor base_grad = at::zeros({basis.size(0), padded(shape.color_hidden)}, color.options());
+            color_mlp_backward(weights, row_of(inputs, first), ray.const_data_ptr<std::int32_t>(),
+                               row_of(kept[0], first), row_of(kept[1], first), row_of(color, first),
+                               row_of(color_grad, first), static_cast<int>(chunks.length(c)), sums[c],
+                               base_grad.mutable_data_ptr<float>(), row_of(features_grad, first));
+            ray_color_base_backward(weights, basis.const_data_ptr<float>(), base_grad.const_data_ptr<float>(),
+                                    static_cast<int>(basis.size(0)), sums[c]);
         });
-        return {Variable(),
-                features_grad.t(),
-                Variable(),
-                sum_in_order(grads0, w0),
-                sum_in_order(grads1, w1),
-                sum_in_order(grads2, w2)};
+        std::vector<Tensor> matrices = matrix_gradients(shape, sums, {w0, w1, w2}, 2);
+        return {Variable(), features_grad.narrow(1, 0, feature_size), Variable(), matrices[0], matrices[1],
+                matrices[2]};
     }
 };
 

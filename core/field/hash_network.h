@@ -4,8 +4,9 @@
 //   color = sigmoid(V₂ relu(V₁ relu(V₀ [Y(d); features])))
 //
 // Positions N×3 in model coordinates, directions N×3 unit vectors, features N×F, all float32 on the CPU.
-// Samples are worked through in chunks that stay in the cache; a chunk's matrix products run in one thread, chunks side
-// by side, and weight gradients are summed in the order of the chunks: the bits do not depend on the number of threads.
+// Samples are worked through in chunks, one thread each (core/kernels: field_mlp_simd.h, hash_grid_simd.h), chunks side
+// by side; weight gradients are summed in the order of the chunks: the bits do not depend on the number of threads.
+// Samples of a ray that follow each other share what their direction adds to the colour network's first layer.
 // Differentiable in table, weights and features; not in positions and directions. The gradient of density to its
 // logarithm is density, at the clamp too, so that a step can leave it.
 #pragma once
@@ -19,9 +20,6 @@
 #include "core/kernels/hash_grid_ref.h"
 
 namespace fieldgraft {
-
-constexpr double log_density_offset = -1.0;  // density of an untrained field: e⁻¹ per model unit
-constexpr double log_density_limit = 15.0;
 
 struct HashNetwork {
     HashGrid grid;

@@ -7,6 +7,7 @@
 #include "core/base/shape.h"
 #include "core/field/file_parts.h"
 #include "core/field/hash_network.h"
+#include "core/kernels/field_mlp_simd.h"
 
 namespace fieldgraft {
 namespace {
@@ -100,6 +101,11 @@ RadianceField::RadianceField(const HashFieldConfig& config, const FieldGeometry&
     for (const auto& [name, shape] : parameter_shapes(config_, network_->grid)) {
         parameters_[name] = initial_parameter(name, shape, seed, ++sequence).requires_grad_(true);
     }
+}
+
+FieldMlpShape RadianceField::mlp_shape() const {
+    return {static_cast<int>(network_->grid.rows()), config_.density_hidden, config_.feature_size,
+            config_.sh_degree * config_.sh_degree, config_.color_hidden};
 }
 
 RadianceField::DensityOut RadianceField::density(const Tensor& positions) const {

@@ -34,6 +34,7 @@ struct HashFieldConfig {
     static HashFieldConfig from_json(const Json& json);
 };
 
+struct FieldMlpShape;
 struct HashNetwork;
 
 class RadianceField {
@@ -49,6 +50,9 @@ class RadianceField {
 
     const std::map<std::string, Tensor>& parameters() const { return parameters_; }  // leaves, by file name
     const HashFieldConfig& config() const { return config_; }
+    const HashNetwork& network() const { return *network_; }
+    // Widths of the two networks, as the kernels want them (core/kernels/field_mlp_simd.h).
+    FieldMlpShape mlp_shape() const;
     const FieldGeometry& geometry() const { return geometry_; }
     // R×R×R uint8 (z, y, x order): cells of the box that may hold density; travels in the file. Undefined until
     // trained.

@@ -12,50 +12,14 @@ namespace {
 constexpr int block = 8;
 constexpr std::int64_t rays_per_task = 64;
 
-struct Ray {
-    double origin[3], direction[3];
-    double first_t;                   // t of sample 0
-    double cell_steps[3];             // samples that fit into one cell's width along each axis; 0: parallel to it
-    std::int64_t begin = 0, end = 0;  // samples whose t lies inside the box, by a hair more rather than less
-};
-
-// Cells per unit of length.
-std::array<double, 3> cell_density(const MarchGrid& grid) {
-    std::array<double, 3> density{};
-    for (int c = 0; c < 3; ++c) density[c] = grid.resolution / (grid.box_max[c] - grid.box_min[c]);
-    return density;
-}
-
-Ray enter_box(const MarchGrid& grid, const MarchRays& rays, std::int64_t r) {
-    Ray ray;
-    double t_in = rays.near, t_out = std::numeric_limits<double>::infinity();
-    for (int c = 0; c < 3; ++c) {
-        ray.origin[c] = rays.origins[3 * r + c];
-        ray.direction[c] = rays.directions[3 * r + c];
-        const double inverse = 1.0 / ray.direction[c];
-        const double width = (grid.box_max[c] - grid.box_min[c]) / std::max(grid.resolution, 1);
-        ray.cell_steps[c] = ray.direction[c] == 0 ? 0.0 : width * inverse / rays.step;
-        double a = (grid.box_min[c] - ray.origin[c]) * inverse, b = (grid.box_max[c] - ray.origin[c]) * inverse;
-        if (a > b) std::swap(a, b);
-        // 0 · inf is NaN when the ray runs inside a face's plane: no bound from that axis.
-        t_in = a > t_in ? a : t_in;
-        t_out = b < t_out ? b : t_out;
-    }
-    ray.first_t = rays.near + (0.5 + (rays.jitter.empty() ? 0.0 : rays.jitter[r])) * rays.step;
-    if (!(t_in < t_out) || !std::isfinite(t_out)) return ray;
-    ray.begin = std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor((t_in - ray.first_t) / rays.step)));
-    ray.end = static_cast<std::int64_t>(std::ceil((t_out - ray.first_t) / rays.step)) + 1;
-    return ray;
-}
-
 // Samples until the ray leaves the cube of `extent` cells an edge that holds the point p (in cells).
-double steps_to_exit(const Ray& ray, const double* p, int extent) {
+double steps_to_exit(const double* cell_steps, const double* p, int extent) {
     double nearest = std::numeric_limits<double>::infinity();
     for (int c = 0; c < 3; ++c) {
-        if (ray.cell_steps[c] == 0) continue;
+        if (cell_steps[c] == 0) continue;
         const int lower = static_cast<int>(p[c]) / extent * extent;  // p ≥ 0 inside the box
-        const double face = ray.cell_steps[c] > 0 ? lower + extent : lower;
-        nearest = std::min(nearest, (face - p[c]) * ray.cell_steps[c]);
+        const double face = cell_steps[c] > 0 ? lower + extent : lower;
+        nearest = std::min(nearest, (face - p[c]) * cell_steps[c]);
     }
     return nearest;
 }
@@ -73,27 +37,9 @@ int empty_extent(const MarchGrid& grid, const double* p) {
 // Calls use(position, t) for every sample of ray r.
 template <class Use>
 void walk(const MarchGrid& grid, const MarchRays& rays, std::int64_t r, Use use) {
-    const Ray ray = enter_box(grid, rays, r);
-    const std::array<double, 3> density = cell_density(grid);
-    for (std::int64_t k = ray.begin; k < ray.end;) {
-        const double t = ray.first_t + static_cast<double>(k) * rays.step;
-        float position[3];
-        double p[3];  // in cells
-        bool inside = t >= rays.near;
-        for (int c = 0; c < 3; ++c) {
-            position[c] = static_cast<float>(ray.origin[c] + t * ray.direction[c]);
-            inside = inside && position[c] >= grid.box_min[c] && position[c] <= grid.box_max[c];
-            p[c] = (position[c] - grid.box_min[c]) * density[c];
-        }
-        const int extent = inside && grid.resolution > 0 ? empty_extent(grid, p) : 0;
-        if (inside && extent == 0) use(position, static_cast<float>(t));
-        std::int64_t stride = 1;
-        if (extent > 0) {
-            const double steps = steps_to_exit(ray, p, extent);
-            stride = steps > 2 ? static_cast<std::int64_t>(std::min(steps, 1e9)) : 1;
-        }
-        k += stride;
-    }
+    RayMarcher marcher(grid, rays, r);
+    float position[3], t;
+    while (marcher.next(position, t)) use(position, t);
 }
 
 void check(const MarchGrid& grid, const MarchRays& rays) {
@@ -109,6 +55,53 @@ void check(const MarchGrid& grid, const MarchRays& rays) {
 }
 
 }  // namespace
+
+RayMarcher::RayMarcher(const MarchGrid& grid, const MarchRays& rays, std::int64_t r)
+    : grid_(&grid), step_(rays.step), near_(rays.near) {
+    double t_in = rays.near, t_out = std::numeric_limits<double>::infinity();
+    for (int c = 0; c < 3; ++c) {
+        origin_[c] = rays.origins[3 * r + c];
+        direction_[c] = rays.directions[3 * r + c];
+        const double inverse = 1.0 / direction_[c], extent = grid.box_max[c] - grid.box_min[c];
+        cell_density_[c] = grid.resolution / extent;
+        const double width = extent / std::max(grid.resolution, 1);
+        cell_steps_[c] = direction_[c] == 0 ? 0.0 : width * inverse / step_;
+        double a = (grid.box_min[c] - origin_[c]) * inverse, b = (grid.box_max[c] - origin_[c]) * inverse;
+        if (a > b) std::swap(a, b);
+        // 0 · inf is NaN when the ray runs inside a face's plane: no bound from that axis.
+        t_in = a > t_in ? a : t_in;
+        t_out = b < t_out ? b : t_out;
+    }
+    first_t_ = near_ + (0.5 + (rays.jitter.empty() ? 0.0 : rays.jitter[r])) * step_;
+    if (!(t_in < t_out) || !std::isfinite(t_out)) return;
+    sample_ = std::max<std::int64_t>(0, static_cast<std::int64_t>(std::floor((t_in - first_t_) / step_)));
+    end_ = static_cast<std::int64_t>(std::ceil((t_out - first_t_) / step_)) + 1;
+}
+
+bool RayMarcher::next(float* position, float& distance) {
+    while (sample_ < end_) {
+        const double t = first_t_ + static_cast<double>(sample_) * step_;
+        double p[3];  // in cells
+        bool inside = t >= near_;
+        for (int c = 0; c < 3; ++c) {
+            position[c] = static_cast<float>(origin_[c] + t * direction_[c]);
+            inside = inside && position[c] >= grid_->box_min[c] && position[c] <= grid_->box_max[c];
+            p[c] = (position[c] - grid_->box_min[c]) * cell_density_[c];
+        }
+        const int extent = inside && grid_->resolution > 0 ? empty_extent(*grid_, p) : 0;
+        std::int64_t stride = 1;
+        if (extent > 0) {
+            const double steps = steps_to_exit(cell_steps_, p, extent);
+            stride = steps > 2 ? static_cast<std::int64_t>(std::min(steps, 1e9)) : 1;
+        }
+        sample_ += stride;
+        if (inside && extent == 0) {
+            distance = static_cast<float>(t);
+            return true;
+        }
+    }
+    return false;
+}
 
 MarchGrid make_march_grid(const std::array<double, 3>& box_min, const std::array<double, 3>& box_max, int resolution,
                           std::span<const std::uint8_t> cells) {

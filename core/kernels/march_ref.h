@@ -35,6 +35,24 @@ struct MarchRays {
     double step = 0, near = 0;
 };
 
+// The samples of one ray, a few at a time: what a march that looks no further than it sees needs.
+class RayMarcher {
+  public:
+    // The grid must outlive it; sizes are not checked.
+    RayMarcher(const MarchGrid& grid, const MarchRays& rays, std::int64_t r);
+    // The next sample's position (3 floats) and t; false when there is none.
+    bool next(float* position, float& t);
+
+  private:
+    const MarchGrid* grid_;
+    double step_, near_;
+    double origin_[3], direction_[3];
+    double cell_density_[3];             // cells per unit of length
+    double cell_steps_[3];               // samples that fit into one cell's width along each axis; 0: parallel to it
+    double first_t_;                     // t of sample 0
+    std::int64_t sample_ = 0, end_ = 0;  // samples whose t lies inside the box, by a hair more rather than less
+};
+
 // counts[r] = number of samples of ray r.
 void march_count(const MarchGrid& grid, const MarchRays& rays, std::span<std::int64_t> counts,
                  const ParallelFor& parallel_for);

@@ -14,14 +14,6 @@ namespace {
 constexpr std::int64_t rays_per_march = 256;
 constexpr std::int64_t first_wave = 8, largest_wave = 64;  // samples of a ray looked at together
 
-void check_rays(const RayBundle& rays) {
-    for (const Tensor* part : {&rays.origins, &rays.directions}) {
-        const bool fits = part->defined() && part->dim() == 2 && part->size(1) == 3 &&
-                          part->size(0) == rays.origins.size(0) && part->scalar_type() == at::kFloat && part->is_cpu();
-        if (!fits) throw std::invalid_argument("rays must be float32 R×3, not " + shape_text(*part));
-    }
-}
-
 MarchGrid grid_of(const FieldGeometry& geometry, const Tensor& occupancy) {
     if (!occupancy.defined()) return make_march_grid(geometry.box_min, geometry.box_max, 0, {});
     if (occupancy.dim() != 3 || occupancy.scalar_type() != at::kByte || !occupancy.is_contiguous() ||
@@ -36,14 +28,6 @@ Tensor prefix_sums(const Tensor& counts) {
     Tensor start = at::zeros({counts.size(0) + 1}, at::kLong);
     if (counts.size(0) > 0) start.narrow(0, 1, counts.size(0)).copy_(counts.cumsum(0));
     return start;
-}
-
-Tensor draw_jitter(Random* random, std::int64_t rays) {
-    if (random == nullptr) return {};
-    Tensor jitter = at::empty({rays}, at::kFloat);
-    float* values = jitter.mutable_data_ptr<float>();
-    for (std::int64_t r = 0; r < rays; ++r) values[r] = random->uniform() - 0.5f;
-    return jitter;
 }
 
 // What one wave found: for its i-th ray samples offset[i] … offset[i + 1]−1 of density and features.
@@ -160,6 +144,29 @@ void gather(const std::vector<Wave>& waves, const Front& front, std::int64_t wid
 
 }  // namespace
 
+void check_rays(const RayBundle& rays) {
+    for (const Tensor* part : {&rays.origins, &rays.directions}) {
+        const bool fits = part->defined() && part->dim() == 2 && part->size(1) == 3 &&
+                          part->size(0) == rays.origins.size(0) && part->scalar_type() == at::kFloat && part->is_cpu();
+        if (!fits) throw std::invalid_argument("rays must be float32 R×3, not " + shape_text(*part));
+    }
+}
+
+void check_transmittance(const MarchOptions& options) {
+    if (!(options.min_transmittance >= 0 && options.min_transmittance < 1)) {
+        throw std::invalid_argument(
+            fmt::format("min_transmittance must lie in [0, 1), not {}", options.min_transmittance));
+    }
+}
+
+Tensor draw_jitter(Random* random, std::int64_t rays) {
+    if (random == nullptr) return {};
+    Tensor jitter = at::empty({rays}, at::kFloat);
+    float* values = jitter.mutable_data_ptr<float>();
+    for (std::int64_t r = 0; r < rays; ++r) values[r] = random->uniform() - 0.5f;
+    return jitter;
+}
+
 double march_step(const FieldGeometry& geometry, const MarchOptions& options) {
     if (options.step < 0 || !std::isfinite(options.step)) {
         throw std::invalid_argument(fmt::format("the march's step must be positive, not {}", options.step));
@@ -200,10 +207,7 @@ Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayB
 
 VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options) {
     at::NoGradGuard no_grad;
-    if (!(options.min_transmittance >= 0 && options.min_transmittance < 1)) {
-        throw std::invalid_argument(
-            fmt::format("min_transmittance must lie in [0, 1), not {}", options.min_transmittance));
-    }
+    check_transmittance(options);
     const double depth_limit = -std::log(options.min_transmittance);  // infinite at 0: everything is visible
     const Samples all = march(field.geometry(), field.occupancy(), rays, options);
     const std::int64_t count = rays.size();

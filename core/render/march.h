@@ -18,6 +18,13 @@ struct MarchOptions {
     double min_transmittance = 1e-4;  // sample_visible: what lies behind this is left out
 };
 
+// Throw std::invalid_argument: rays that are not float32 R×3 on the CPU, a min_transmittance outside [0, 1).
+void check_rays(const RayBundle& rays);
+void check_transmittance(const MarchOptions& options);
+
+// R numbers in [−½, ½); undefined without a generator.
+Tensor draw_jitter(Random* random, std::int64_t rays);
+
 // The length of an interval that the options ask for.
 double march_step(const FieldGeometry& geometry, const MarchOptions& options);
 

@@ -1,28 +1,38 @@
 #include "core/render/render_view.h"
 
 #include "core/base/errors.h"
-#include "core/render/blend.h"
+#include "core/base/spans.h"
+#include "core/field/torch_parallel.h"
+#include "core/render/ray_pass.h"
 
 namespace fieldgraft {
+namespace {
+
+constexpr std::int64_t rays_a_range = 512;
+
+}  // namespace
 
 RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
     at::NoGradGuard no_grad;
     if (options.chunk_rays < 1) {
         throw std::invalid_argument(fmt::format("chunk_rays must be positive, not {}", options.chunk_rays));
     }
+    check_rays(rays);
+    check_transmittance(options.march);
     const std::int64_t count = rays.size();
     RenderedRays out{at::empty({count, 3}, at::kFloat), at::empty({count}, at::kFloat), at::empty({count}, at::kFloat)};
-    for (std::int64_t first = 0; first < count; first += options.chunk_rays) {
-        const std::int64_t n = std::min(options.chunk_rays, count - first);
-        const RayBundle chunk{rays.origins.narrow(0, first, n), rays.directions.narrow(0, first, n)};
-        const VisibleSamples visible = sample_visible(field, chunk, options.march);
-        const Samples& samples = visible.samples;
-        const Tensor color = field.color(visible.features, chunk.directions.index_select(0, samples.ray));
-        const CompositeOut view = composite(samples.start, samples.delta, samples.t, visible.density, color);
-        out.color.narrow(0, first, n).copy_(view.color);
-        out.alpha.narrow(0, first, n).copy_(1 - view.transmittance);
-        out.depth.narrow(0, first, n).copy_(view.depth);
-    }
+    const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
+    const Tensor jitter = draw_jitter(options.march.jitter, count), transmittance = at::empty({count}, at::kFloat);
+    const MarchRays march{values(origins), values(directions), jitter.defined() ? values(jitter) : std::span<const float>(),
+                          march_step(field.geometry(), options.march), options.march.near};
+    const KernelField kernel(field);
+    const MarchGrid cells = march_grid_of(field);
+    share_out((count + rays_a_range - 1) / rays_a_range, [&](std::int64_t i) {
+        const std::int64_t first = i * rays_a_range, last = std::min(first + rays_a_range, count);
+        draw_range(kernel, cells, {march, first, last, options.march.min_transmittance}, mutable_values(out.color),
+                   mutable_values(transmittance), mutable_values(out.depth));
+    });
+    at::sub_out(out.alpha, at::ones_like(transmittance), transmittance);
     return out;
 }
 

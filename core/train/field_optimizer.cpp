@@ -1,9 +1,11 @@
 #include "core/train/field_optimizer.h"
 
+#include <cmath>
+
 #include "core/base/errors.h"
 #include "core/base/spans.h"
+#include "core/field/hash_network.h"
 #include "core/field/torch_parallel.h"
-#include "core/kernels/adam_ref.h"
 
 namespace fieldgraft {
 namespace {
@@ -19,28 +21,46 @@ FieldOptimizer::FieldOptimizer(const RadianceField& field) {
     }
 }
 
-bool FieldOptimizer::step(const RadianceField& field, double rate) {
-    at::NoGradGuard no_grad;
+// Entries [first, first + grad.size()) of a parameter, in the caller's thread.
+void FieldOptimizer::step_part(const RadianceField& field, const std::string& name, AdamStep step, std::size_t first,
+                               std::span<const float> grad) {
+    step.skip_zero = name == table_name;
+    const auto part = [&](const Tensor& whole) { return mutable_values(whole).subspan(first, grad.size()); };
+    adam_step<float>(step, grad, part(field.parameters().at(name)), part(m_.at(name)), part(v_.at(name)), serial_for);
+}
+
+bool FieldOptimizer::step(const RadianceField& field, double rate, const std::vector<RangeFit>& fits) {
+    const FieldMlpShape shape = field.mlp_shape();
+    FieldMlpGradients total(shape);
     bool finite = true;
-    for (const auto& [name, parameter] : field.parameters()) {
-        const Tensor& grad = parameter.grad();
-        finite = finite && (!grad.defined() || all_finite<float>(values(grad), torch_parallel_for));
+    for (const RangeFit& fit : fits) {
+        total.add(fit.gradients);
+        finite = finite && fit.finite && std::isfinite(fit.squared_error);
     }
-    if (finite) ++steps_;
-    for (const auto& [name, parameter] : field.parameters()) {
-        Tensor& grad = parameter.mutable_grad();
-        if (!grad.defined()) continue;
-        if (finite) {
-            AdamStep step;
-            step.rate = rate;
-            step.t = steps_;
-            step.skip_zero = name == table_name;
-            adam_step<float>(step, values(grad), mutable_values(parameter), mutable_values(m_.at(name)),
-                             mutable_values(v_.at(name)), torch_parallel_for);
-        }
-        grad.reset();
-    }
-    return finite;
+    std::vector<std::vector<float>> grads;
+    for (const char* name : field_matrix_names) grads.emplace_back(field.parameters().at(name).numel(), 0.0f);
+    total.add_to(shape, std::vector<std::span<float>>(grads.begin(), grads.end()));
+    for (const auto& grad : grads) finite = finite && all_finite<float>(grad, serial_for);
+    if (!finite) return false;
+
+    AdamStep step;
+    step.rate = rate;
+    step.t = steps_ + 1;
+    for (std::size_t i = 0; i < grads.size(); ++i) step_part(field, field_matrix_names[i], step, 0, grads[i]);
+    const HashGrid& grid = field.network().grid;
+    std::vector<HashGridRows> rows;
+    for (const RangeFit& fit : fits) rows.push_back(fit.rows(grid));
+    // The finest levels first: they cost most, and what is left at the end should be short.
+    share_out(static_cast<std::int64_t>(grid.levels.size()), [&](std::int64_t i) {
+        const std::size_t l = grid.levels.size() - 1 - static_cast<std::size_t>(i);
+        const HashGridLevel& level = grid.levels[l];
+        thread_local std::vector<float> grad;
+        grad.assign(std::size_t{level.entries} * grid.features, 0.0f);
+        hash_grid_add_gradient(grid, static_cast<int>(l), rows, grad.data());
+        step_part(field, table_name, step, level.offset * grid.features, grad);
+    });
+    ++steps_;
+    return true;
 }
 
 std::map<std::string, Tensor> FieldOptimizer::moments() const {

@@ -77,8 +77,11 @@ void OccupancyGrid::refresh_some(const RadianceField& field, Random& random) {
 }
 
 float OccupancyGrid::limit() const {
-    // Well below the mean: where all cells are alike, all are occupied, not those that rounding favours.
-    return static_cast<float>(std::min(0.9 * values_.mean().item<double>(), threshold_));
+    // Well below the mean: where all cells are alike, all are occupied, not those that rounding favours. Summed in
+    // order, so that the number of threads does not show.
+    const float* values = values_.const_data_ptr<float>();
+    const double mean = std::accumulate(values, values + values_.numel(), 0.0) / static_cast<double>(values_.numel());
+    return static_cast<float>(std::min(0.9 * mean, threshold_));
 }
 
 Tensor OccupancyGrid::cells() const {

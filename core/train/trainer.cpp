@@ -6,7 +6,8 @@
 #include <cmath>
 
 #include "core/base/errors.h"
-#include "core/render/blend.h"
+#include "core/base/spans.h"
+#include "core/field/torch_parallel.h"
 #include "core/render/render_view.h"
 #include "core/train/checkpoint.h"
 
@@ -15,6 +16,7 @@ namespace {
 
 constexpr std::int64_t refresh_interval = 16;  // iterations between looks at the occupancy
 constexpr int most_skipped_in_a_row = 8;
+constexpr std::int64_t rays_a_range = 512;
 
 double preset_minutes(const std::string& quality) {
     if (quality == "draft") return 1;
@@ -53,7 +55,9 @@ class Trainer {
   public:
     Trainer(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,
             const std::filesystem::path& checkpoint)
-        : data_(data), options_(options), reporter_(reporter), checkpoint_(checkpoint), state_(fresh_state()) {}
+        : data_(data), options_(options), reporter_(reporter), checkpoint_(checkpoint), state_(fresh_state()) {
+        refresh_cells();
+    }
 
     void resume() {
         if (checkpoint_.empty()) throw std::invalid_argument("resume needs the path of a checkpoint");
@@ -121,7 +125,10 @@ class Trainer {
         return options_.rate * std::pow(options_.rate_end, done) * warm * state_.rate_scale;
     }
 
-    void refresh_cells() { state_.field->set_occupancy(state_.occupancy.cells()); }
+    void refresh_cells() {
+        state_.field->set_occupancy(state_.occupancy.cells());
+        cells_ = march_grid_of(*state_.field);
+    }
 
     void refresh_occupancy() {
         const std::int64_t i = state_.iteration;
@@ -139,34 +146,36 @@ class Trainer {
         refresh_occupancy();
         const RayBatch batch = draw_rays(data_.train, state_.rays, state_.random);
         const Tensor background = random_colors(batch.rays.size(), state_.random);
-        MarchOptions march;
-        march.step = options_.step;
-        march.jitter = &state_.random;
-        const Samples samples = sample_visible(*state_.field, batch.rays, march).samples;
-        const double error = fit(batch, background, samples);
-        const bool good = std::isfinite(error) && state_.optimizer.step(*state_.field, rate());
+        const std::vector<RangeFit> fits = fit(batch, background);
+        double error = 0;
+        std::int64_t samples = 0;
+        for (const RangeFit& part : fits) {
+            error += part.squared_error / static_cast<double>(3 * batch.rays.size());
+            samples += static_cast<std::int64_t>(part.samples);
+        }
+        const bool good = std::isfinite(error) && state_.optimizer.step(*state_.field, rate(), fits);
         count_step(good, error);
-        adapt_rays(samples.size());
+        adapt_rays(samples);
         ++state_.iteration;
     }
 
-    // Forward and backward; returns the mean squared error.
-    double fit(const RayBatch& batch, const Tensor& background, const Samples& samples) {
-        const RadianceField& field = *state_.field;
-        const auto medium = field.density(samples.positions);
-        const Tensor color = field.color(medium.features, batch.rays.directions.index_select(0, samples.ray));
-        const CompositeOut view = composite(samples.start, samples.delta, samples.t, medium.density, color);
+    // Forward and backward of a batch.
+    std::vector<RangeFit> fit(const RayBatch& batch, const Tensor& background) {
         at::NoGradGuard no_grad;
         const Tensor alpha = batch.colors.narrow(1, 3, 1);
-        const Tensor target = batch.colors.narrow(1, 0, 3) * alpha + background * (1 - alpha);
-        const Tensor difference = view.color + view.transmittance.unsqueeze(1) * background - target;
-        const Tensor color_grad = difference * (2.0 / static_cast<double>(difference.numel()));
-        const Tensor transmittance_grad = (color_grad * background).sum(1);
-        if (view.color.requires_grad() && samples.size() > 0) {
-            at::AutoGradMode grad_mode(true);
-            torch::autograd::backward({view.color, view.transmittance}, {color_grad, transmittance_grad});
-        }
-        return difference.square().mean().item<double>();
+        const Tensor target = (batch.colors.narrow(1, 0, 3) * alpha + background * (1 - alpha)).contiguous();
+        const Tensor origins = batch.rays.origins.contiguous(), directions = batch.rays.directions.contiguous();
+        const Tensor jitter = draw_jitter(&state_.random, batch.rays.size());
+        const MarchRays rays{values(origins), values(directions), values(jitter), step(), 0};
+        const KernelField kernel(*state_.field);
+        const std::int64_t total = batch.rays.size(), count = (total + rays_a_range - 1) / rays_a_range;
+        std::vector<RangeFit> fits(count, RangeFit(kernel.weights.shape()));
+        share_out(count, [&](std::int64_t i) {
+            const RayRange range{rays, i * rays_a_range, std::min((i + 1) * rays_a_range, total),
+                                 MarchOptions().min_transmittance};
+            fit_range(kernel, cells_, range, values(background), values(target), fits[i]);
+        });
+        return fits;
     }
 
     void count_step(bool good, double error) {
@@ -178,7 +187,6 @@ class Trainer {
         }
         ++state_.skipped;
         state_.rate_scale *= 0.5;
-        for (const auto& [name, parameter] : state_.field->parameters()) parameter.mutable_grad().reset();
         if (++in_a_row_ < most_skipped_in_a_row) return;
         save();
         failure(
@@ -250,6 +258,7 @@ class Trainer {
     const Reporter& reporter_;
     const std::filesystem::path checkpoint_;
     TrainState state_;
+    MarchGrid cells_;  // of the field's occupancy
     Stopwatch watch_;
     double before_ = 0, last_saved_ = 0, last_told_ = 0;
     int in_a_row_ = 0;

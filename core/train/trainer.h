@@ -1,13 +1,13 @@
 // Fitting a radiance field to images (Mildenhall et al. 2020, with the hash encoding of Müller et al. 2022).
 //
-// Every iteration: random rays over all training pixels; the samples they can see (a pass without gradients); forward
-// and backward on these; one step of Adam. The loss is the mean squared error of sRGB colours, prediction and target
+// Every iteration: random rays over all training pixels; forward and backward over the samples they can see
+// (ray_pass.h); one step of Adam. The loss is the mean squared error of sRGB colours, prediction and target
 // both composited on the same random colour a ray, so that transparent parts become transparent and opaque ones opaque.
 // The number of rays follows the number of visible samples, near `samples` an iteration. The learning rate falls
 // exponentially from rate to rate·rate_end over the run: by iterations, or by time when `minutes` is given.
 //
-// By iterations nothing depends on the clock: same seed, machine and number of threads give the same bits, resumed or
-// not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after saving. A
+// By iterations nothing depends on the clock or on the number of threads: same seed and machine give the same bits,
+// resumed or not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after saving. A
 // NaN or infinite gradient leaves the step out and halves the rate for a while; eight in a row throw Failure, last good
 // state saved.
 #pragma once

@@ -1,0 +1,129 @@
+#include "core/render/ray_pass.h"
+
+#include <algorithm>
+
+#include "core/kernels/composite_ref.h"
+
+namespace fieldgraft {
+namespace {
+
+// What is computed of one block, kept from block to block for its memory.
+struct Activations {
+    std::vector<float> base, hidden0, hidden1, color;                         // colour network
+    std::vector<float> shown, transmittance, depth;                           // of the rays
+    std::vector<float> shown_grad, transmittance_grad, density_grad, color_grad;
+    std::vector<float> base_grad, features_grad, encoded_grad;
+};
+
+CompositeInput<float> composite_input(const RayBlock& block, const Activations& a) {
+    return {block.start, block.delta, block.t, block.density, a.color};
+}
+
+void forward(const KernelField& field, const RayBlock& block, Activations& a) {
+    const std::size_t n = block.samples(), rays = block.rays();
+    a.base.resize(rays * field.hidden_row);
+    a.hidden0.resize(n * field.hidden_row);
+    a.hidden1.resize(n * field.hidden_row);
+    a.color.resize(3 * n);
+    ray_color_base(field.weights, block.basis.data(), static_cast<int>(rays), a.base.data());
+    color_mlp_forward(field.weights, block.features.data(), block.ray.data(), a.base.data(), static_cast<int>(n),
+                      a.hidden0.data(), a.hidden1.data(), a.color.data());
+    a.shown.resize(3 * rays);
+    a.transmittance.resize(rays);
+    a.depth.resize(rays);
+    composite_forward<float>(composite_input(block, a), a.shown, a.transmittance, a.depth, serial_for);
+}
+
+// The loss and its gradient with respect to what the rays show; scale: 2 over the number of values in the mean.
+double difference(std::span<const float> background, std::span<const float> target, float scale, Activations& a) {
+    double squared = 0;
+    a.shown_grad.resize(a.shown.size());
+    a.transmittance_grad.assign(a.transmittance.size(), 0.0f);
+    for (std::size_t i = 0; i < a.shown.size(); ++i) {
+        const float off = a.shown[i] + a.transmittance[i / 3] * background[i] - target[i];
+        squared += static_cast<double>(off) * off;
+        a.shown_grad[i] = off * scale;
+        a.transmittance_grad[i / 3] += off * scale * background[i];
+    }
+    return squared;
+}
+
+void backward(const KernelField& field, const RayBlock& block, Activations& a, FieldMlpGradients& gradients) {
+    const std::size_t n = block.samples(), rays = block.rays();
+    const int count = static_cast<int>(n);
+    a.density_grad.resize(n);
+    a.color_grad.resize(3 * n);
+    composite_backward<float>(composite_input(block, a), a.shown_grad, a.transmittance_grad, a.density_grad,
+                              a.color_grad, serial_for);
+    a.base_grad.assign(rays * field.hidden_row, 0.0f);
+    a.features_grad.resize(n * field.feature_row);
+    a.encoded_grad.resize(n * field.encoded_row);
+    color_mlp_backward(field.weights, block.features.data(), block.ray.data(), a.hidden0.data(), a.hidden1.data(),
+                       a.color.data(), a.color_grad.data(), count, gradients, a.base_grad.data(),
+                       a.features_grad.data());
+    ray_color_base_backward(field.weights, block.basis.data(), a.base_grad.data(), static_cast<int>(rays), gradients);
+    for (std::size_t i = 0; i < n; ++i) a.features_grad[i * field.feature_row] += a.density_grad[i] * block.density[i];
+    density_mlp_backward(field.weights, block.encoded.data(), a.features_grad.data(), count, gradients,
+                         a.encoded_grad.data());
+}
+
+// A block's gradients of the encoding into their places, the first of them being the range's `done`th sample.
+void keep(const KernelField& field, const RayBlock& block, const Activations& a, std::size_t done, RangeFit& fit) {
+    const std::size_t n = block.samples(), width = static_cast<std::size_t>(field.grid->features);
+    for (int c = 0; c < 3; ++c) {
+        std::copy_n(block.positions.data() + c * n, n, fit.positions.data() + c * fit.samples + done);
+    }
+    // 0 · x is 0 for every finite x and NaN for the others.
+    float zero = 0;
+    for (const float x : a.encoded_grad) zero += 0.0f * x;
+    fit.finite = fit.finite && zero == 0;
+    for (std::size_t l = 0; l < field.grid->levels.size(); ++l) {
+        float* to = fit.encoded_grad.data() + (l * fit.samples + done) * width;
+        const float* from = a.encoded_grad.data() + l * width;
+        for (std::size_t s = 0; s < n; ++s) std::copy_n(from + s * field.encoded_row, width, to + s * width);
+    }
+}
+
+}  // namespace
+
+void draw_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<float> color,
+                std::span<float> transmittance, std::span<float> depth) {
+    VisibleRays visible(field, cells, rays);
+    RayBlock block;
+    Activations a;
+    while (visible.next(block)) {
+        forward(field, block, a);
+        const std::size_t first = rays.first + block.begin;
+        std::copy(a.shown.begin(), a.shown.end(), color.begin() + 3 * first);
+        std::copy(a.transmittance.begin(), a.transmittance.end(), transmittance.begin() + first);
+        std::copy(a.depth.begin(), a.depth.end(), depth.begin() + first);
+    }
+}
+
+HashGridRows RangeFit::rows(const HashGrid& grid) const {
+    const std::size_t features = static_cast<std::size_t>(grid.features);
+    return {positions.data(), encoded_grad.data(), samples, features, samples * features};
+}
+
+void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays,
+               std::span<const float> background, std::span<const float> target, RangeFit& fit) {
+    VisibleRays visible(field, cells, rays);
+    fit.samples = visible.samples();
+    fit.positions.resize(3 * fit.samples);
+    fit.encoded_grad.resize(fit.samples * field.grid->rows());
+    const float scale = static_cast<float>(2.0 / static_cast<double>(rays.march.origins.size()));
+    RayBlock block;
+    Activations a;
+    std::size_t done = 0;
+    while (visible.next(block)) {
+        forward(field, block, a);
+        const std::size_t first = 3 * (rays.first + block.begin), count = 3 * block.rays();
+        fit.squared_error +=
+            difference(background.subspan(first, count), target.subspan(first, count), scale, a);
+        backward(field, block, a, fit.gradients);
+        keep(field, block, a, done, fit);
+        done += block.samples();
+    }
+}
+
+}  // namespace fieldgraft

@@ -1,0 +1,39 @@
+// One pass over a range of rays through the original field, without recording a graph: drawing them, or fitting them.
+// The result is that of sample_visible, RadianceField, composite and autograd on the same rays, up to rounding (the
+// tests compare them). One thread a range; callers share ranges out.
+//
+//   color = Σ w c     transmittance T = Π (1 − α)     depth = Σ w t / Σ w            (composite_ref.h)
+//   loss  = mean over rays and channels of (color + T b − target)²                   b: the ray's background
+#pragma once
+
+#include <span>
+#include <vector>
+
+#include "core/kernels/hash_grid_simd.h"
+#include "core/render/visible_rays.h"
+
+namespace fieldgraft {
+
+// color 3·R, transmittance R and depth R of all rays of `rays.march`; the range's part is written.
+void draw_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<float> color,
+                std::span<float> transmittance, std::span<float> depth);
+
+// What fitting a range leaves behind. The encoding's gradients stay with their samples, so that the table's levels can
+// be dealt to threads and no two of them touch one entry (hash_grid_add_gradient).
+struct RangeFit {
+    double squared_error = 0;  // sum over rays and channels
+    std::size_t samples = 0;   // that were visible
+    bool finite = true;        // of encoded_grad
+    FieldMlpGradients gradients;
+    std::vector<float> positions;     // 3×samples, unit cube
+    std::vector<float> encoded_grad;  // level after level: levels×samples×F
+
+    explicit RangeFit(const FieldMlpShape& shape) : gradients(shape) {}
+    HashGridRows rows(const HashGrid& grid) const;
+};
+
+// background and target: R×3, of all rays of `rays.march`. `fit` is fresh; gradients are of the mean over all R rays.
+void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays,
+               std::span<const float> background, std::span<const float> target, RangeFit& fit);
+
+}  // namespace fieldgraft

@@ -1,0 +1,176 @@
+#include "core/render/visible_rays.h"
+
+#include <algorithm>
+#include <cmath>
+
+#include "core/kernels/hash_grid_simd.h"
+#include "core/kernels/spherical_harmonics_ref.h"
+
+namespace fieldgraft {
+namespace {
+
+constexpr int first_wave = 8, largest_wave = 64;  // samples of a ray looked at together
+constexpr std::size_t block_samples = 1024;
+
+}  // namespace
+
+// Rows in the order of the rays that had samples left.
+struct VisibleRays::Wave {
+    std::vector<std::int64_t> ray;   // of each of its segments
+    std::vector<std::size_t> first;  // a segment's first row; one more at the end
+    std::vector<float> positions;    // 3×n, unit cube
+    std::vector<float> t;
+    // n rows, n rows, n; written before they are read, so not filled with zeros first.
+    std::unique_ptr<float[]> encoded, features, density;
+};
+
+VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays)
+    : field_(field), cells_(cells), rays_(rays), limit_(-std::log(rays.min_transmittance)) {
+    find();
+    start_.assign(rays_.count() + 1, 0);
+    for (std::int64_t r = 0; r < rays_.count(); ++r) {
+        start_[r + 1] = start_[r];
+        for (const Segment& s : segments_[r]) start_[r + 1] += s.count;
+    }
+}
+
+VisibleRays::~VisibleRays() = default;
+
+void VisibleRays::find() {
+    std::vector<RayMarcher> marchers;
+    std::vector<std::int64_t> active;
+    marchers.reserve(rays_.count());
+    for (std::int64_t r = 0; r < rays_.count(); ++r) {
+        marchers.emplace_back(cells_, rays_.march, rays_.first + r);
+        active.push_back(r);
+    }
+    depth_.assign(rays_.count(), 0.0);
+    segments_.assign(rays_.count(), {});
+    for (int length = first_wave; !active.empty(); length = std::min(2 * length, largest_wave)) {
+        waves_.push_back(std::make_unique<Wave>());
+        Wave& wave = *waves_.back();
+        const std::vector<bool> more = collect(marchers, active, length, wave);
+        evaluate(wave);
+        active = look_past(wave, more);
+    }
+}
+
+// The next `length` samples of the active rays; whether each of them may have more.
+std::vector<bool> VisibleRays::collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active,
+                                       int length, Wave& wave) {
+    double edge = 0;
+    for (int c = 0; c < 3; ++c) edge = std::max(edge, field_.box_max[c] - field_.box_min[c]);
+    const float scale = static_cast<float>(1.0 / edge);
+    float low[3];
+    for (int c = 0; c < 3; ++c) low[c] = static_cast<float>(field_.box_min[c]);
+    std::vector<float> axes[3];
+    std::vector<bool> more;
+    for (const std::int64_t r : active) {
+        const std::size_t before = wave.t.size();
+        float position[3], t;
+        int found = 0;
+        while (found < length && marchers[r].next(position, t)) {
+            for (int c = 0; c < 3; ++c) axes[c].push_back((position[c] - low[c]) * scale);
+            wave.t.push_back(t);
+            ++found;
+        }
+        if (found == 0) continue;
+        wave.ray.push_back(r);
+        wave.first.push_back(before);
+        more.push_back(found == length);
+    }
+    wave.first.push_back(wave.t.size());
+    wave.positions.reserve(3 * wave.t.size());
+    for (const auto& axis : axes) wave.positions.insert(wave.positions.end(), axis.begin(), axis.end());
+    return more;
+}
+
+void VisibleRays::evaluate(Wave& wave) const {
+    const std::size_t n = wave.t.size();
+    wave.encoded = std::make_unique_for_overwrite<float[]>(n * field_.encoded_row);
+    wave.features = std::make_unique_for_overwrite<float[]>(n * field_.feature_row);
+    wave.density = std::make_unique_for_overwrite<float[]>(n);
+    hash_grid_encode(*field_.grid, field_.table, wave.positions.data(), n, wave.encoded.get(), field_.encoded_row);
+    density_mlp_forward(field_.weights, wave.encoded.get(), static_cast<int>(n), wave.features.get());
+    for (std::size_t i = 0; i < n; ++i) {
+        const float log_density = wave.features[i * field_.feature_row] + static_cast<float>(log_density_offset);
+        // A NaN stays one.
+        const float limit = static_cast<float>(log_density_limit);
+        wave.density[i] = std::exp(log_density > limit ? limit : log_density);
+    }
+}
+
+// Notes which samples can be seen; returns the rays that see past them.
+std::vector<std::int64_t> VisibleRays::look_past(Wave& wave, const std::vector<bool>& more) {
+    std::vector<std::int64_t> active;
+    const float step = static_cast<float>(rays_.march.step);
+    for (std::size_t i = 0; i < wave.ray.size(); ++i) {
+        const std::int64_t r = wave.ray[i];
+        std::size_t k = wave.first[i];
+        for (; k < wave.first[i + 1] && depth_[r] <= limit_; ++k) {
+            depth_[r] += std::min(static_cast<double>(wave.density[k]) * step, 1e30);
+        }
+        segments_[r].push_back({&wave, wave.first[i], k - wave.first[i]});
+        if (more[i] && depth_[r] <= limit_) active.push_back(r);
+    }
+    return active;
+}
+
+bool VisibleRays::next(RayBlock& block) {
+    if (taken_ == rays_.count()) return false;
+    block.begin = taken_;
+    do {
+        ++taken_;
+    } while (taken_ < rays_.count() && start_[taken_ + 1] - start_[block.begin] <= block_samples);
+    block.end = taken_;
+    gather(block);
+    fill_basis(block);
+    return true;
+}
+
+void VisibleRays::gather(RayBlock& block) const {
+    const std::size_t samples = start_[block.end] - start_[block.begin];
+    const std::size_t e = field_.encoded_row, f = field_.feature_row;
+    block.start.resize(block.rays() + 1);
+    block.ray.resize(samples);
+    block.positions.resize(3 * samples);
+    block.t.resize(samples);
+    block.delta.assign(samples, static_cast<float>(rays_.march.step));
+    block.encoded.resize(samples * e);
+    block.features.resize(samples * f);
+    block.density.resize(samples);
+    std::size_t at = 0;
+    for (std::int64_t r = block.begin; r < block.end; ++r) {
+        block.start[r - block.begin] = static_cast<std::int64_t>(at);
+        for (const Segment& s : segments_[r]) {
+            const Wave& w = *s.wave;
+            const std::size_t n = w.t.size();
+            std::copy_n(w.encoded.get() + s.first * e, s.count * e, block.encoded.data() + at * e);
+            std::copy_n(w.features.get() + s.first * f, s.count * f, block.features.data() + at * f);
+            std::copy_n(w.density.get() + s.first, s.count, block.density.data() + at);
+            std::copy_n(w.t.data() + s.first, s.count, block.t.data() + at);
+            std::fill_n(block.ray.data() + at, s.count, static_cast<std::int32_t>(r - block.begin));
+            for (int c = 0; c < 3; ++c) {
+                std::copy_n(w.positions.data() + c * n + s.first, s.count, block.positions.data() + c * samples + at);
+            }
+            at += s.count;
+        }
+    }
+    block.start.back() = static_cast<std::int64_t>(at);
+}
+
+void VisibleRays::fill_basis(RayBlock& block) const {
+    const std::size_t rays = block.rays(), terms = static_cast<std::size_t>(field_.sh_degree) * field_.sh_degree;
+    std::vector<float> directions(3 * rays), values(terms * rays);
+    for (std::size_t r = 0; r < rays; ++r) {
+        const float* direction = rays_.march.directions.data() + 3 * (rays_.first + block.begin + r);
+        for (int c = 0; c < 3; ++c) directions[c * rays + r] = direction[c];
+    }
+    spherical_harmonics<float>(field_.sh_degree, directions, values);
+    block.basis.assign(rays * field_.basis_row, 0.0f);
+    for (std::size_t r = 0; r < rays; ++r) {
+        for (std::size_t i = 0; i < terms; ++i) block.basis[r * field_.basis_row + i] = values[i * rays + r];
+    }
+}
+
+}  // namespace fieldgraft

@@ -1,0 +1,77 @@
+// The samples that a range of rays can see of the original field, found by one thread without a tensor or a graph.
+//
+// Depth waves: every ray that still sees on takes its next 8, 16, 32, 64 samples; encoding and density network run over
+// the whole wave (level by level: the table's levels stay in the cache); a ray ends where the transmittance in front of
+// a sample falls to `min_transmittance` (0: nowhere). What is found is sample_visible's (march.h), up to rounding.
+//
+// Blocks of whole rays, about a thousand samples, are then taken out of the waves: small enough that what a network
+// computes of them stays in the second-level cache. Not differentiated here; ray_fit.h is.
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "core/field/kernel_field.h"
+
+namespace fieldgraft {
+
+struct RayRange {
+    MarchRays march;
+    std::int64_t first, last;  // rays of `march`
+    double min_transmittance;
+
+    std::int64_t count() const { return last - first; }
+};
+
+// Samples of consecutive rays, row-major, nearest first.
+struct RayBlock {
+    std::int64_t begin = 0, end = 0;   // rays, counted from the range's first
+    std::vector<std::int64_t> start;   // end − begin + 1
+    std::vector<std::int32_t> ray;     // N, counted from `begin`
+    std::vector<float> positions;      // 3×N, unit cube
+    std::vector<float> t, delta;       // N
+    std::vector<float> encoded;        // N rows
+    std::vector<float> features;       // N rows
+    std::vector<float> density;        // N
+    std::vector<float> basis;          // one row a ray: spherical harmonics of its direction
+
+    std::size_t samples() const { return density.size(); }
+    std::int64_t rays() const { return end - begin; }
+};
+
+class VisibleRays {
+  public:
+    VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays);
+    ~VisibleRays();
+
+    std::size_t samples() const { return start_.back(); }
+    // The next block; false when all rays have been taken. Rays without samples are in it.
+    bool next(RayBlock& block);
+
+  private:
+    struct Wave;
+    // Part of a ray's visible samples: rows of a wave.
+    struct Segment {
+        const Wave* wave;
+        std::size_t first, count;
+    };
+    void find();
+    std::vector<bool> collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active, int length,
+                              Wave& wave);
+    void evaluate(Wave& wave) const;
+    std::vector<std::int64_t> look_past(Wave& wave, const std::vector<bool>& more);
+    void gather(RayBlock& block) const;
+    void fill_basis(RayBlock& block) const;
+
+    const KernelField& field_;
+    const MarchGrid& cells_;
+    const RayRange rays_;
+    const double limit_;  // of the optical depth in front of a sample
+    std::vector<double> depth_;
+    std::vector<std::unique_ptr<Wave>> waves_;
+    std::vector<std::vector<Segment>> segments_;
+    std::vector<std::size_t> start_;
+    std::int64_t taken_ = 0;
+};
+
+}  // namespace fieldgraft
