@@ -15,11 +15,14 @@ namespace fieldgraft {
 namespace {
 
 constexpr int grid_resolution = 96, volume_resolution = 64, survey_size = 128;
+constexpr int ball_resolution = 128;  // the field's own: coarser cells show in the outline of what is added
 constexpr double user_vote = 5;       // a user's mask against one view of the segmenter
 constexpr double hull_share = 0.7;    // of the views that see a cell
 constexpr int inner_layers = 4;       // how far scores reach into what no view sees
 constexpr double core_share = 0.7;    // of the core's score: where the region ends
 constexpr double speck_share = 0.02;  // of the largest piece's cells: smaller pieces are one view's noise
+constexpr double hanging_share = 0.05;  // of what stays: smaller pieces that lose their hold go with the region
+constexpr float seen_weight = 0.05f;
 
 // One view's part in the vote: its camera, its samples and its mask.
 struct SurveyView {
@@ -138,12 +141,18 @@ Tensor cells_around(const Tensor& hull, const Tensor& score, int reach) {
     return region.any().item<bool>() ? hull.logical_and(grow_cells(region, reach)).to(at::kByte) : hull;
 }
 
+// What removing the region would leave in the air, cell by cell. A film one cell thick beside the region holds nothing.
+Tensor hanging_cells(const Tensor& seen, const Tensor& region) {
+    const Tensor pieces = cut_off_pieces(seen, grow_cells(region.to(at::kByte), 1), hanging_share);
+    return grow_cells(pieces, 1).logical_and(seen);
+}
+
 // Where density may be added, and what counts as the region in a view then.
 void place_volume(EditRegion& region, const Survey& survey, const EditSpec& spec, const EditPlan& plan,
                   const FieldGeometry& geometry) {
     const bool above = spec.resolved_placement() == Placement::above && spec.region_source == RegionSource::segmenter;
     region.volume =
-        above ? cells_above(geometry, resample_cells((region.score > 0.5).to(at::kByte), volume_resolution), 0.45)
+        above ? cells_above(geometry, resample_cells((region.score > 0.5).to(at::kByte), ball_resolution), 0.45)
               : cells_around(survey.hull(), region.score, reach_in_cells(spec, geometry, volume_resolution));
     region.on_surface = plan.operations.change || plan.operations.remove || !above;
     if (!region.volume.any().item<bool>())
@@ -180,8 +189,14 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
                 "the segmenter is not sure where \"{}\" is ({:.0f} % of the votes at most): other words may "
                 "say it better, or draw it with --mask VIEW:FILE",
                 spec.segmented_text(), 100 * surest));
-        const Tensor specks = (region.score > 0.5).logical_and(without_specks(region.score > 0.5, speck_share) == 0);
-        region.score.masked_fill_(specks, 0);
+        Tensor cells = region.score > 0.5;
+        if (plan.operations.remove && !plan.operations.change) {
+            const Tensor seen = survey.votes().weight() > seen_weight;
+            const Tensor hanging = hanging_cells(seen, cells).logical_and(cells.logical_not());
+            region.score.masked_fill_(hanging, 1);
+            cells = cells.logical_or(hanging);
+        }
+        region.score.masked_fill_(cells.logical_and(without_specks(cells, speck_share) == 0), 0);
     }
     region.share = survey.share();
     region.centre = survey.centre();

@@ -68,4 +68,9 @@ Tensor without_specks(const Tensor& cells, double share) {
     return kept;
 }
 
+Tensor cut_off_pieces(const Tensor& whole, const Tensor& part, double share) {
+    const Tensor rest = whole.to(at::kBool).logical_and(part == 0);
+    return rest.logical_and(without_specks(rest, share) == 0).to(at::kByte);
+}
+
 }  // namespace fieldgraft

@@ -15,4 +15,8 @@ Tensor cells_above(const FieldGeometry& geometry, const Tensor& region, double w
 // the largest piece's cells.
 Tensor without_specks(const Tensor& cells, double share);
 
+// The pieces of `whole` that would be left hanging when `part` goes: those of `whole` without `part` with fewer than
+// `share` of the largest piece's cells. Cells as above; returns uint8.
+Tensor cut_off_pieces(const Tensor& whole, const Tensor& part, double share);
+
 }  // namespace fieldgraft

@@ -109,5 +109,16 @@ TEST(VolumeCells, SpecksAreTakenAway) {
     EXPECT_EQ(without_specks(at::zeros({4, 4, 4}, at::kByte), 0.1).sum().item<int>(), 0);
 }
 
+TEST(VolumeCells, WhatLosesItsHoldIsFound) {
+    Tensor plate = at::zeros({12, 12, 12}, at::kByte), body = at::zeros_like(plate), hole = at::zeros_like(plate);
+    plate.select(0, 2).fill_(1);
+    body.slice(0, 3, 9).slice(1, 2, 9).slice(2, 2, 9).fill_(1);  // stands on the plate
+    hole[2][11][11] = 1;                                         // of the plate, but not recognised as such
+    const Tensor whole = plate.logical_or(body), found = plate.logical_and(hole == 0);
+    EXPECT_TRUE(at::equal(cut_off_pieces(whole, found, 0.05), hole));
+    EXPECT_EQ(cut_off_pieces(whole, found, 0).sum().item<int>(), 0);
+    EXPECT_EQ(cut_off_pieces(whole, body, 0.05).sum().item<int>(), 0);
+}
+
 }  // namespace
 }  // namespace fieldgraft
