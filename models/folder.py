@@ -35,6 +35,7 @@ def save_folder(
     if size > MAX_BYTES:
         part.unlink()
         raise ValueError(f"{target}: {size} bytes, the limit is {MAX_BYTES}")
+    part.chmod(0o644)  # save_file leaves it to its owner alone
     os.replace(part, target)
     write_text(folder / "config.json", json.dumps(config, indent=1) + "\n")
     tokenizer.save(folder)
