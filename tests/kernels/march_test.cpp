@@ -78,8 +78,6 @@ TEST(March, SkippingGivesExactlyThePlainLoop) {
     const int n = 21;  // not a multiple of the blocks
     std::vector<std::uint8_t> cells(n * n * n, 0);
     const auto pick = random_values<float>(cells.size(), 11, 0, 1);
-    for (std::size_t i = 0; i < cells.size(); ++i) cells[i] = pick[i] < 0.03f;
-    const MarchGrid grid = make_march_grid({-1, -1.2, -0.7}, {1, 0.9, 1.1}, n, cells);
     const std::size_t count = 200;
     auto origins = random_values<float>(3 * count, 12, -2, 2);
     auto directions = unit_directions(count, 13);
@@ -90,7 +88,10 @@ TEST(March, SkippingGivesExactlyThePlainLoop) {
     origins[1] = -1.2f;
     origins[2] = 0;
     const auto jitter = random_values<float>(count, 14, -0.5, 0.5);
-    for (const double step : {0.0031, 0.05, 0.4}) {
+    for (const auto& [step, occupied] :
+         {std::pair(0.0031, 0.03f), {0.05, 0.03f}, {0.4, 0.03f}, {0.0031, 0.7f}, {0.05, 0.7f}}) {
+        for (std::size_t i = 0; i < cells.size(); ++i) cells[i] = pick[i] < occupied;
+        const MarchGrid grid = make_march_grid({-1, -1.2, -0.7}, {1, 0.9, 1.1}, n, cells);
         const MarchRays rays{origins, directions, jitter, step, 0.2};
         const auto out = march(grid, rays);
         for (std::size_t r = 0; r < count; ++r) {
