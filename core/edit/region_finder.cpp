@@ -15,12 +15,12 @@ namespace fieldgraft {
 namespace {
 
 constexpr int grid_resolution = 96, volume_resolution = 64, survey_size = 128;
-constexpr int ball_resolution = 128;  // the field's own: coarser cells show in the outline of what is added
-constexpr double user_vote = 5;       // a user's mask against one view of the segmenter
-constexpr double hull_share = 0.7;    // of the views that see a cell
-constexpr int inner_layers = 4;       // how far scores reach into what no view sees
-constexpr double core_share = 0.7;    // of the core's score: where the region ends
-constexpr double speck_share = 0.02;  // of the largest piece's cells: smaller pieces are one view's noise
+constexpr int ball_resolution = 128;    // the field's own: coarser cells show in the outline of what is added
+constexpr double user_vote = 5;         // a user's mask against one view of the segmenter
+constexpr double hull_share = 0.7;      // of the views that see a cell
+constexpr int inner_layers = 4;         // how far scores reach into what no view sees
+constexpr double core_share = 0.7;      // of the core's score: where the region ends
+constexpr double speck_share = 0.02;    // of the largest piece's cells: smaller pieces are one view's noise
 constexpr double hanging_share = 0.05;  // of what stays: smaller pieces that lose their hold go with the region
 constexpr float seen_weight = 0.05f;
 

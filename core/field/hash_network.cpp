@@ -134,8 +134,8 @@ class DensityFunction : public torch::autograd::Function<DensityFunction> {
             const Tensor unit = at::empty({3, count}, positions.options());
             const Tensor encoded = keep ? kept.narrow(0, first, count) : at::empty({count, row}, positions.options());
             float* part = density.mutable_data_ptr<float>() + first;  // 1 inside the box, 0 outside, to begin with
-            to_unit_cube(*network, positions.const_data_ptr<float>() + 3 * first, count,
-                         unit.mutable_data_ptr<float>(), part);
+            to_unit_cube(*network, positions.const_data_ptr<float>() + 3 * first, count, unit.mutable_data_ptr<float>(),
+                         part);
             hash_grid_encode(network->grid, values(table), unit.const_data_ptr<float>(), count,
                              encoded.mutable_data_ptr<float>(), row);
             density_mlp_forward(weights, encoded.const_data_ptr<float>(), static_cast<int>(count),
@@ -172,11 +172,10 @@ class DensityFunction : public torch::autograd::Function<DensityFunction> {
         std::vector<HashGridRows> rows(chunks.count());
         chunks.for_each([&](std::int64_t c) {
             const std::int64_t first = chunks.first(c), count = chunks.length(c);
-            density_mlp_backward(weights, row_of(encoded, first), row_of(features_grad, first),
-                                 static_cast<int>(count), sums[c], row_of(encoded_grad, first));
-            rows[c] = {units[c].const_data_ptr<float>(), row_of(encoded_grad, first),
-                       static_cast<std::size_t>(count), static_cast<std::size_t>(encoded.size(1)),
-                       static_cast<std::size_t>(network->grid.features)};
+            density_mlp_backward(weights, row_of(encoded, first), row_of(features_grad, first), static_cast<int>(count),
+                                 sums[c], row_of(encoded_grad, first));
+            rows[c] = {units[c].const_data_ptr<float>(), row_of(encoded_grad, first), static_cast<std::size_t>(count),
+                       static_cast<std::size_t>(encoded.size(1)), static_cast<std::size_t>(network->grid.features)};
         });
         const Tensor table_grad = at::zeros_like(table);
         add_table_gradient(network->grid, rows, table_grad);

@@ -9,8 +9,8 @@
 #define HWY_TARGET_INCLUDE "core/kernels/field_mlp_simd.cpp"
 #include "core/kernels/simd_targets.h"
 // Must come after the choice of targets.
+#include <hwy/contrib/math/math-inl.h>
 #include "core/kernels/gemm-inl.h"
-#include "hwy/contrib/math/math-inl.h"
 
 HWY_BEFORE_NAMESPACE();
 namespace fieldgraft {
@@ -21,7 +21,10 @@ constexpr int tile = 48;  // samples whose activations stay in the first-level c
 struct Widths {
     int e, h, f, b, c;
     explicit Widths(const FieldMlpShape& s)
-        : e(padded(s.encoded)), h(padded(s.hidden)), f(padded(s.features)), b(padded(s.basis)),
+        : e(padded(s.encoded)),
+          h(padded(s.hidden)),
+          f(padded(s.features)),
+          b(padded(s.basis)),
           c(padded(s.color_hidden)) {}
 };
 
@@ -147,8 +150,8 @@ void color_backward(const FieldMlpWeights& weights, const float* features, const
             logit_grad[i / 3 * 4 + i % 3] = color_grad[3 * first + i] * c * (1 - c);
         }
         // 3×C: the sums run over samples as they do for the other matrices.
-        multiply<Store::add>({logit_grad, 1, 4, q, std::size_t(w.c), gradients.color2.data(), std::size_t(w.c), nullptr},
-                             3, w.c, count);
+        multiply<Store::add>(
+            {logit_grad, 1, 4, q, std::size_t(w.c), gradients.color2.data(), std::size_t(w.c), nullptr}, 3, w.c, count);
         rows_times<Store::gated>(logit_grad, 4, weights.color2.data(), grad1, count, w.c, 3, q);
         add_outer(p, w.c, w.c, grad1, w.c, count, gradients.color1.data());
         rows_times<Store::gated>(grad1, w.c, weights.color1_back.data(), grad0, count, w.c, w.c, p);

@@ -8,7 +8,7 @@
 // the same sum (FMA or not).
 #include <cstddef>
 
-#include "hwy/highway.h"
+#include <hwy/highway.h>
 
 #if defined(FIELDGRAFT_GEMM_INL_H) == defined(HWY_TARGET_TOGGLE)
 #ifdef FIELDGRAFT_GEMM_INL_H

@@ -238,9 +238,9 @@ void add_gradient(const HashGridLevel& level, const HashGridRows& rows, int numb
             const auto fx = hn::Set(df, now.fraction[0][i]), fy = hn::Set(df, now.fraction[1][i]),
                        fz = hn::Set(df, now.fraction[2][i]);
             for (std::size_t p = 0; p < parts; ++p) {
-                const auto weight =
-                    hn::Mul(hn::Mul(hn::MulAdd(fx, signs[0][p], starts[0][p]), hn::MulAdd(fy, signs[1][p], starts[1][p])),
-                            hn::MulAdd(fz, signs[2][p], starts[2][p]));
+                const auto weight = hn::Mul(
+                    hn::Mul(hn::MulAdd(fx, signs[0][p], starts[0][p]), hn::MulAdd(fy, signs[1][p], starts[1][p])),
+                    hn::MulAdd(fz, signs[2][p], starts[2][p]));
                 sum[p] = hn::MulAdd(weight, g, sum[p]);
             }
         }

@@ -9,8 +9,8 @@ namespace {
 
 // What is computed of one block, kept from block to block for its memory.
 struct Activations {
-    std::vector<float> base, hidden0, hidden1, color;                         // colour network
-    std::vector<float> shown, transmittance, depth;                           // of the rays
+    std::vector<float> base, hidden0, hidden1, color;  // colour network
+    std::vector<float> shown, transmittance, depth;    // of the rays
     std::vector<float> shown_grad, transmittance_grad, density_grad, color_grad;
     std::vector<float> base_grad, features_grad, encoded_grad;
 };
@@ -118,8 +118,7 @@ void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange&
     while (visible.next(block)) {
         forward(field, block, a);
         const std::size_t first = 3 * (rays.first + block.begin), count = 3 * block.rays();
-        fit.squared_error +=
-            difference(background.subspan(first, count), target.subspan(first, count), scale, a);
+        fit.squared_error += difference(background.subspan(first, count), target.subspan(first, count), scale, a);
         backward(field, block, a, fit.gradients);
         keep(field, block, a, done, fit);
         done += block.samples();

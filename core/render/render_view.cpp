@@ -23,7 +23,8 @@ RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, cons
     RenderedRays out{at::empty({count, 3}, at::kFloat), at::empty({count}, at::kFloat), at::empty({count}, at::kFloat)};
     const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
     const Tensor jitter = draw_jitter(options.march.jitter, count), transmittance = at::empty({count}, at::kFloat);
-    const MarchRays march{values(origins), values(directions), jitter.defined() ? values(jitter) : std::span<const float>(),
+    const MarchRays march{values(origins), values(directions),
+                          jitter.defined() ? values(jitter) : std::span<const float>(),
                           march_step(field.geometry(), options.march), options.march.near};
     const KernelField kernel(field);
     const MarchGrid cells = march_grid_of(field);

@@ -25,15 +25,15 @@ struct RayRange {
 
 // Samples of consecutive rays, row-major, nearest first.
 struct RayBlock {
-    std::int64_t begin = 0, end = 0;   // rays, counted from the range's first
-    std::vector<std::int64_t> start;   // end − begin + 1
-    std::vector<std::int32_t> ray;     // N, counted from `begin`
-    std::vector<float> positions;      // 3×N, unit cube
-    std::vector<float> t, delta;       // N
-    std::vector<float> encoded;        // N rows
-    std::vector<float> features;       // N rows
-    std::vector<float> density;        // N
-    std::vector<float> basis;          // one row a ray: spherical harmonics of its direction
+    std::int64_t begin = 0, end = 0;  // rays, counted from the range's first
+    std::vector<std::int64_t> start;  // end − begin + 1
+    std::vector<std::int32_t> ray;    // N, counted from `begin`
+    std::vector<float> positions;     // 3×N, unit cube
+    std::vector<float> t, delta;      // N
+    std::vector<float> encoded;       // N rows
+    std::vector<float> features;      // N rows
+    std::vector<float> density;       // N
+    std::vector<float> basis;         // one row a ray: spherical harmonics of its direction
 
     std::size_t samples() const { return density.size(); }
     std::int64_t rays() const { return end - begin; }

@@ -7,9 +7,9 @@
 // exponentially from rate to rate·rate_end over the run: by iterations, or by time when `minutes` is given.
 //
 // By iterations nothing depends on the clock or on the number of threads: same seed and machine give the same bits,
-// resumed or not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after saving. A
-// NaN or infinite gradient leaves the step out and halves the rate for a while; eight in a row throw Failure, last good
-// state saved.
+// resumed or not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after
+// saving. A NaN or infinite gradient leaves the step out and halves the rate for a while; eight in a row throw Failure,
+// last good state saved.
 #pragma once
 
 #include <filesystem>

@@ -23,7 +23,8 @@ std::vector<float> narrow(const std::vector<double>& values) {
 std::vector<float> rows_of(const std::vector<double>& columns, int width, int n) {
     std::vector<float> rows(std::size_t(n) * padded(width), 0.0f);
     for (int s = 0; s < n; ++s) {
-        for (int i = 0; i < width; ++i) rows[std::size_t(s) * padded(width) + i] = float(columns[std::size_t(i) * n + s]);
+        for (int i = 0; i < width; ++i)
+            rows[std::size_t(s) * padded(width) + i] = float(columns[std::size_t(i) * n + s]);
     }
     return rows;
 }
@@ -70,9 +71,7 @@ struct Reference {
         for (int i = 0; i < n; ++i) ray.push_back((i * 7 + i / 5) % rays);  // in no order
     }
     MlpShape density_shape() const { return {{shape.encoded, shape.hidden, shape.features}}; }
-    MlpShape color_shape() const {
-        return {{shape.basis + shape.features, shape.color_hidden, shape.color_hidden, 3}};
-    }
+    MlpShape color_shape() const { return {{shape.basis + shape.features, shape.color_hidden, shape.color_hidden, 3}}; }
     std::vector<std::span<const double>> spans(int first, int count) const {
         return {matrices.begin() + first, matrices.begin() + first + count};
     }
@@ -133,7 +132,8 @@ TEST_P(FieldMlpSimd, EqualsTheReferenceForwardAndBackward) {
     const FieldMlpWeights weights = r.packed();
     const int c_width = padded(shape.color_hidden), f_width = padded(shape.features);
     on_every_target([&] {
-        const auto encoded_rows = rows_of(r.encoded, shape.encoded, n), basis_rows = rows_of(r.basis, shape.basis, r.rays);
+        const auto encoded_rows = rows_of(r.encoded, shape.encoded, n),
+                   basis_rows = rows_of(r.basis, shape.basis, r.rays);
         std::vector<float> found_features(std::size_t(n) * f_width, NAN), base(std::size_t(r.rays) * c_width, NAN),
             hidden0(std::size_t(n) * c_width, NAN), hidden1 = hidden0, color(3 * std::size_t(n), NAN);
         density_mlp_forward(weights, encoded_rows.data(), n, found_features.data());
@@ -173,11 +173,12 @@ TEST_P(FieldMlpSimd, EqualsTheReferenceForwardAndBackward) {
     });
 }
 
-INSTANTIATE_TEST_SUITE_P(
-    ShapesAndCounts, FieldMlpSimd,
-    ::testing::Values(Case{{32, 64, 16, 16, 64}, 0}, Case{{32, 64, 16, 16, 64}, 1}, Case{{32, 64, 16, 16, 64}, 5},
-                      Case{{32, 64, 16, 16, 64}, 48}, Case{{32, 64, 16, 16, 64}, 131}, Case{{16, 32, 16, 9, 32}, 77},
-                      Case{{24, 48, 7, 4, 20}, 53}, Case{{3, 5, 1, 1, 130}, 49}, Case{{128, 256, 33, 16, 256}, 97}));
+INSTANTIATE_TEST_SUITE_P(ShapesAndCounts, FieldMlpSimd,
+                         ::testing::Values(Case{{32, 64, 16, 16, 64}, 0}, Case{{32, 64, 16, 16, 64}, 1},
+                                           Case{{32, 64, 16, 16, 64}, 5}, Case{{32, 64, 16, 16, 64}, 48},
+                                           Case{{32, 64, 16, 16, 64}, 131}, Case{{16, 32, 16, 9, 32}, 77},
+                                           Case{{24, 48, 7, 4, 20}, 53}, Case{{3, 5, 1, 1, 130}, 49},
+                                           Case{{128, 256, 33, 16, 256}, 97}));
 
 TEST(FieldMlpSimdHardInputs, ColorsStayInBoundsAndNaNIsNotHidden) {
     const FieldMlpShape shape{1, 1, 1, 1, 1};

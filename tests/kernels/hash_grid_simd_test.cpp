@@ -70,8 +70,7 @@ TEST_P(HashGridSimd, BackwardEqualsTheReference) {
     const auto [n, row] = std::pair(GetParam().samples, GetParam().row);
     const auto at = positions();
     const auto rows = random_values<float>(n * row, 2);
-    std::vector<double> columns(grid.rows() * n), table(grid.entries * grid.features),
-        wide_at(at.begin(), at.end());
+    std::vector<double> columns(grid.rows() * n), table(grid.entries * grid.features), wide_at(at.begin(), at.end());
     for (std::size_t s = 0; s < n; ++s) {
         for (std::size_t i = 0; i < grid.rows(); ++i) columns[i * n + s] = rows[s * row + i];
     }
@@ -94,8 +93,9 @@ TEST_P(HashGridSimd, BackwardEqualsTheReference) {
         }
     }
     on_every_target([&] {
-        const std::vector<HashGridRows> parts{{first.data(), rows.data(), split, row, features},
-                                              {second.data(), rest.data(), n - split, features, (n - split) * features}};
+        const std::vector<HashGridRows> parts{
+            {first.data(), rows.data(), split, row, features},
+            {second.data(), rest.data(), n - split, features, (n - split) * features}};
         std::vector<float> grad(expected.size(), 0.0f);
         for (std::size_t l = 0; l < grid.levels.size(); ++l) {
             hash_grid_add_gradient(grid, static_cast<int>(l), parts,
@@ -127,7 +127,8 @@ TEST(HashGridSimdHardInputs, NaNPositionsTouchNothingOutsideTheTable) {
         hash_grid_encode(grid, table, at.data(), 3, rows.data(), 16);
         EXPECT_TRUE(std::isfinite(rows[2 * 16]));
         const HashGridRows part{at.data(), grads.data(), 3, 16, 2};
-        for (int l = 0; l < 4; ++l) hash_grid_add_gradient(grid, l, {&part, 1}, grad.data() + 2 * grid.levels[l].offset);
+        for (int l = 0; l < 4; ++l)
+            hash_grid_add_gradient(grid, l, {&part, 1}, grad.data() + 2 * grid.levels[l].offset);
     });
 }
 
