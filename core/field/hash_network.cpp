@@ -53,13 +53,11 @@ Tensor padded_rows(const Tensor& rows) {
 
 // What one function of the two networks uses: the matrices it does not have are zeros.
 FieldMlpWeights packed_weights(const FieldMlpShape& shape, const std::vector<Tensor>& matrices, bool density) {
-    const std::vector<std::int64_t> sizes{shape.hidden * shape.encoded, shape.features * shape.hidden,
-                                          shape.color_hidden * (shape.basis + shape.features),
-                                          shape.color_hidden * shape.color_hidden, 3 * shape.color_hidden};
+    const auto shapes = shape.matrices();
     std::vector<Tensor> all;
-    for (std::size_t i = 0; i < sizes.size(); ++i) {
+    for (std::size_t i = 0; i < shapes.size(); ++i) {
         const bool own = density == (i < 2);
-        all.push_back(own ? matrices[density ? i : i - 2].contiguous() : at::zeros({sizes[i]}, at::kFloat));
+        all.push_back(own ? matrices[density ? i : i - 2].contiguous() : at::zeros(shapes[i], at::kFloat));
     }
     FieldMlpMatrices spans;
     for (const Tensor& matrix : all) spans.push_back(values(matrix));
@@ -73,14 +71,9 @@ std::vector<Tensor> matrix_gradients(const FieldMlpShape& shape, const std::vect
                                      const std::vector<Tensor>& like, std::size_t first) {
     FieldMlpGradients total(shape);
     for (const FieldMlpGradients& part : parts) total.add(part);
-    const std::vector<std::vector<std::int64_t>> shapes{{shape.hidden, shape.encoded},
-                                                        {shape.features, shape.hidden},
-                                                        {shape.color_hidden, shape.basis + shape.features},
-                                                        {shape.color_hidden, shape.color_hidden},
-                                                        {3, shape.color_hidden}};
     std::vector<Tensor> all, wanted;
     std::vector<std::span<float>> spans;
-    for (const auto& size : shapes) {
+    for (const auto& size : shape.matrices()) {
         all.push_back(at::zeros(size, at::kFloat));
         spans.push_back(mutable_values(all.back()));
     }

@@ -1,5 +1,8 @@
 #include "core/field/kernel_field.h"
 
+#include <stdexcept>
+
+#include "core/base/shape.h"
 #include "core/base/spans.h"
 #include "core/field/hash_network.h"
 
@@ -21,12 +24,14 @@ KernelField::KernelField(const RadianceField& field)
     weights.pack(matrices);
 }
 
-MarchGrid march_grid_of(const RadianceField& field) {
-    const FieldGeometry& geometry = field.geometry();
-    const Tensor& cells = field.occupancy();
-    if (!cells.defined()) return make_march_grid(geometry.box_min, geometry.box_max, 0, {});
-    return make_march_grid(geometry.box_min, geometry.box_max, static_cast<int>(cells.size(0)),
-                           {cells.const_data_ptr<std::uint8_t>(), static_cast<std::size_t>(cells.numel())});
+MarchGrid march_grid_of(const FieldGeometry& geometry, const Tensor& occupancy) {
+    if (!occupancy.defined()) return make_march_grid(geometry.box_min, geometry.box_max, 0, {});
+    if (occupancy.dim() != 3 || occupancy.scalar_type() != at::kByte || !occupancy.is_contiguous() ||
+        occupancy.size(0) != occupancy.size(1) || occupancy.size(1) != occupancy.size(2)) {
+        throw std::invalid_argument("occupancy must be a cube of bytes, not " + shape_text(occupancy));
+    }
+    return make_march_grid(geometry.box_min, geometry.box_max, static_cast<int>(occupancy.size(0)),
+                           {occupancy.const_data_ptr<std::uint8_t>(), static_cast<std::size_t>(occupancy.numel())});
 }
 
 }  // namespace fieldgraft

@@ -215,6 +215,14 @@ void FieldMlpShape::check() const {
     }
 }
 
+std::array<std::array<std::int64_t, 2>, 5> FieldMlpShape::matrices() const {
+    return {{{hidden, encoded},
+             {features, hidden},
+             {color_hidden, basis + features},
+             {color_hidden, color_hidden},
+             {3, color_hidden}}};
+}
+
 FieldMlpWeights::FieldMlpWeights(const FieldMlpShape& shape) : shape_(shape) {
     shape.check();
     const auto& s = shape;
@@ -232,11 +240,9 @@ FieldMlpWeights::FieldMlpWeights(const FieldMlpShape& shape) : shape_(shape) {
 
 void FieldMlpWeights::pack(const FieldMlpMatrices& m) {
     const auto& s = shape_;
-    const std::size_t sizes[] = {std::size_t(s.hidden) * s.encoded, std::size_t(s.features) * s.hidden,
-                                 std::size_t(s.color_hidden) * (s.basis + s.features),
-                                 std::size_t(s.color_hidden) * s.color_hidden, std::size_t(3) * s.color_hidden};
-    for (std::size_t i = 0; i < 5; ++i) {
-        if (m.size() != 5 || m[i].size() != sizes[i]) {
+    const auto shapes = s.matrices();
+    for (std::size_t i = 0; i < shapes.size(); ++i) {
+        if (m.size() != shapes.size() || m[i].size() != static_cast<std::size_t>(shapes[i][0] * shapes[i][1])) {
             throw std::invalid_argument("field mlp: matrix " + std::to_string(i) + " does not have its shape's size");
         }
     }

@@ -12,6 +12,7 @@
 // ReLU at 0 is 0. A NaN reaches every output that depends on it. Reference: mlp_ref.h.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <span>
 #include <vector>
@@ -26,10 +27,11 @@ struct FieldMlpShape {
     int encoded = 32, hidden = 64, features = 16, basis = 16, color_hidden = 64;
     // Throws std::invalid_argument: widths outside 1 … 4096.
     void check() const;
+    // Rows (out) and columns (in) of the five matrices, as the field stores them.
+    std::array<std::array<std::int64_t, 2>, 5> matrices() const;
 };
 
-// The five matrices, row-major out×in, as the field stores them: hidden×encoded, features×hidden,
-// color_hidden×(basis + features), color_hidden×color_hidden, 3×color_hidden.
+// W₀, W₁, V₀ (its columns: Y, then f), V₁, V₂: row-major out×in.
 using FieldMlpMatrices = std::vector<std::span<const float>>;
 
 // The same numbers as the kernels read them, padded, each matrix both ways. Repack after every step of an optimiser.

@@ -5,24 +5,14 @@
 #include "core/base/errors.h"
 #include "core/base/shape.h"
 #include "core/base/spans.h"
+#include "core/field/kernel_field.h"
 #include "core/field/torch_parallel.h"
-#include "core/kernels/march_ref.h"
 
 namespace fieldgraft {
 namespace {
 
 constexpr std::int64_t rays_per_march = 256;
 constexpr std::int64_t first_wave = 8, largest_wave = 64;  // samples of a ray looked at together
-
-MarchGrid grid_of(const FieldGeometry& geometry, const Tensor& occupancy) {
-    if (!occupancy.defined()) return make_march_grid(geometry.box_min, geometry.box_max, 0, {});
-    if (occupancy.dim() != 3 || occupancy.scalar_type() != at::kByte || !occupancy.is_contiguous() ||
-        occupancy.size(0) != occupancy.size(1) || occupancy.size(1) != occupancy.size(2)) {
-        throw std::invalid_argument("occupancy must be a cube of bytes, not " + shape_text(occupancy));
-    }
-    return make_march_grid(geometry.box_min, geometry.box_max, static_cast<int>(occupancy.size(0)),
-                           {occupancy.const_data_ptr<std::uint8_t>(), static_cast<std::size_t>(occupancy.numel())});
-}
 
 Tensor prefix_sums(const Tensor& counts) {
     Tensor start = at::zeros({counts.size(0) + 1}, at::kLong);
@@ -184,7 +174,7 @@ Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayB
     const std::int64_t count = rays.size();
     const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
     const Tensor jitter = draw_jitter(options.jitter, count);
-    const MarchGrid grid = grid_of(geometry, occupancy);
+    const MarchGrid grid = march_grid_of(geometry, occupancy);
     const MarchRays packed{values(origins), values(directions),
                            jitter.defined() ? values(jitter) : std::span<const float>(), step, options.near};
     Tensor counts = at::empty({count}, at::kLong);

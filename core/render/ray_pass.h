@@ -14,6 +14,9 @@
 
 namespace fieldgraft {
 
+// Rays a range where a caller shares them out: enough to be worth a thread's while, few enough for every thread.
+constexpr std::int64_t rays_a_range = 512;
+
 // color 3·R, transmittance R and depth R of all rays of `rays.march`; the range's part is written.
 void draw_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<float> color,
                 std::span<float> transmittance, std::span<float> depth);

@@ -6,12 +6,6 @@
 #include "core/render/ray_pass.h"
 
 namespace fieldgraft {
-namespace {
-
-constexpr std::int64_t rays_a_range = 512;
-
-}  // namespace
-
 RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
     at::NoGradGuard no_grad;
     if (options.chunk_rays < 1) {
@@ -27,7 +21,7 @@ RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, cons
                           jitter.defined() ? values(jitter) : std::span<const float>(),
                           march_step(field.geometry(), options.march), options.march.near};
     const KernelField kernel(field);
-    const MarchGrid cells = march_grid_of(field);
+    const MarchGrid cells = march_grid_of(field.geometry(), field.occupancy());
     share_out((count + rays_a_range - 1) / rays_a_range, [&](std::int64_t i) {
         const std::int64_t first = i * rays_a_range, last = std::min(first + rays_a_range, count);
         draw_range(kernel, cells, {march, first, last, options.march.min_transmittance}, mutable_values(out.color),

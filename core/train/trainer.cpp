@@ -16,7 +16,6 @@ namespace {
 
 constexpr std::int64_t refresh_interval = 16;  // iterations between looks at the occupancy
 constexpr int most_skipped_in_a_row = 8;
-constexpr std::int64_t rays_a_range = 512;
 
 double preset_minutes(const std::string& quality) {
     if (quality == "draft") return 1;
@@ -127,7 +126,7 @@ class Trainer {
 
     void refresh_cells() {
         state_.field->set_occupancy(state_.occupancy.cells());
-        cells_ = march_grid_of(*state_.field);
+        cells_ = march_grid_of(data_.geometry, state_.field->occupancy());
     }
 
     void refresh_occupancy() {

@@ -2,23 +2,18 @@
 
 #include <gtest/gtest.h>
 
-#include "core/base/random.h"
 #include "core/base/spans.h"
 #include "core/field/hash_network.h"
 #include "core/field/radiance_field.h"
 #include "core/render/blend.h"
 #include "core/render/march.h"
 #include "core/render/render_view.h"
+#include "tests/render/synthetic_field.h"
 
 namespace fieldgraft {
 namespace {
 
-Tensor random_tensor(at::IntArrayRef shape, std::uint64_t seed, float low, float high) {
-    Tensor out = at::empty(shape, at::kFloat);
-    Random random(seed);
-    for (float& value : mutable_values(out)) value = random.uniform(low, high);
-    return out;
-}
+using testing::random_tensor;
 
 // A field with something to see: dense enough that rays end inside it, thin enough that some reach the background.
 RadianceField lively_field(const HashFieldConfig& config) {
@@ -54,7 +49,7 @@ constexpr double step = 0.02, min_transmittance = 1e-4;
 
 std::vector<RangeFit> run(const RadianceField& field, const Batch& batch, std::int64_t rays_a_range) {
     const KernelField kernel(field);
-    const MarchGrid cells = march_grid_of(field);
+    const MarchGrid cells = march_grid_of(field.geometry(), field.occupancy());
     const MarchRays rays{values(batch.origins), values(batch.directions), values(batch.jitter), step, 0};
     const std::int64_t count = batch.origins.size(0);
     std::vector<RangeFit> fits;
