@@ -198,12 +198,6 @@ class BlockSampler {
 
 }  // namespace
 
-double longest_edge(const FieldGeometry& geometry) {
-    double longest = 0;
-    for (int a = 0; a < 3; ++a) longest = std::max(longest, geometry.box_max[a] - geometry.box_min[a]);
-    return longest;
-}
-
 double frame_scale(const FieldGeometry& geometry) {
     const auto& f = geometry.frame;
     double gram[3][3] = {};

@@ -41,8 +41,6 @@ struct SamplingOptions {
 // The voxels along each axis that cover the box.
 std::array<std::int64_t, 3> voxel_counts(const FieldGeometry& geometry, double voxel);
 
-double longest_edge(const FieldGeometry& geometry);
-
 // Scale of the frame's rotation-and-scale part. Throws std::invalid_argument when the frame is not a similarity.
 double frame_scale(const FieldGeometry& geometry);
 

@@ -22,12 +22,6 @@ struct Head {
     double bias;  // of z at the start
 };
 
-double box_edge(const FieldGeometry& geometry) {
-    double edge = 0;
-    for (int c = 0; c < 3; ++c) edge = std::max(edge, geometry.box_max[c] - geometry.box_min[c]);
-    return edge;
-}
-
 // The heads that the operations need, in the order in which they lie in the network's output.
 std::vector<Head> heads_of(const EditFieldConfig& config) {
     const Operations& on = config.operations;
@@ -197,7 +191,7 @@ EditSamples EditField::evaluate_inside(const Tensor& positions) const {
         const std::string name = head.name;
         const Tensor part = head.size == 1 ? z.select(0, row) : z.narrow(0, row, head.size).t();
         if (name == "density_e")
-            out.density_e = at::softplus(part) * (density_cells / box_edge(geometry_));
+            out.density_e = at::softplus(part) * (density_cells / longest_edge(geometry_));
         else if (name == "color_e")
             out.color_e = bounded(part);
         else if (name == "beta_density")

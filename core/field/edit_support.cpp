@@ -20,9 +20,7 @@ Tensor strongest(const EditSamples& edit, double delta, std::int64_t count) {
 }
 
 double density_unit(const FieldGeometry& geometry) {
-    double edge = 0;
-    for (int c = 0; c < 3; ++c) edge = std::max(edge, geometry.box_max[c] - geometry.box_min[c]);
-    return edge / 128;
+    return longest_edge(geometry) / 128;
 }
 
 }  // namespace

@@ -5,11 +5,17 @@
 // of length, so a density in the user's world is density · scale(frame).
 #pragma once
 
+#include <algorithm>
 #include <array>
 
 #include "core/base/json.h"
 
 namespace fieldgraft {
+
+// The unit cube's scale: a box's corner goes to 0 and its longest edge to 1.
+inline double longest_edge(const std::array<double, 3>& box_min, const std::array<double, 3>& box_max) {
+    return std::max({box_max[0] - box_min[0], box_max[1] - box_min[1], box_max[2] - box_min[2]});
+}
 
 struct FieldGeometry {
     std::array<double, 3> box_min{-1.5, -1.5, -1.5};  // the box outside which density is 0, model coordinates
@@ -27,5 +33,9 @@ struct FieldGeometry {
     Json to_json() const;
     static FieldGeometry from_json(const Json& json);
 };
+
+inline double longest_edge(const FieldGeometry& geometry) {
+    return longest_edge(geometry.box_min, geometry.box_max);
+}
 
 }  // namespace fieldgraft

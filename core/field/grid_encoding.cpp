@@ -28,9 +28,7 @@ void copy_columns(const float* from, std::int64_t from_stride, float* to, std::i
 
 // Points N×3 → unit cube, chunk after chunk, each 3×n.
 std::vector<Tensor> unit_chunks(const Tensor& positions, const FieldGeometry& geometry) {
-    double edge = 0;
-    for (int c = 0; c < 3; ++c) edge = std::max(edge, geometry.box_max[c] - geometry.box_min[c]);
-    const float scale = static_cast<float>(1 / edge);
+    const float scale = static_cast<float>(1 / longest_edge(geometry));
     const std::int64_t points = positions.size(0);
     const float* p = positions.const_data_ptr<float>();
     std::vector<Tensor> chunks(point_chunks(points));

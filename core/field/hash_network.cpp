@@ -84,9 +84,7 @@ std::vector<Tensor> matrix_gradients(const FieldMlpShape& shape, const std::vect
 
 // Unit-cube coordinates (3×n) of a chunk; `inside` (n) is 1 within the box, 0 outside.
 void to_unit_cube(const HashNetwork& network, const float* positions, std::int64_t n, float* unit, float* inside) {
-    double edge = 0;
-    for (int c = 0; c < 3; ++c) edge = std::max(edge, network.box_max[c] - network.box_min[c]);
-    const float scale = static_cast<float>(1.0 / edge);
+    const float scale = static_cast<float>(1.0 / longest_edge(network.box_min, network.box_max));
     std::fill(inside, inside + n, 1.0f);
     for (int c = 0; c < 3; ++c) {
         const float low = static_cast<float>(network.box_min[c]), high = static_cast<float>(network.box_max[c]);

@@ -30,8 +30,7 @@ struct KernelField {
 // Names of the networks' matrices among the field's parameters, in the kernels' order.
 constexpr const char* field_matrix_names[] = {"density.0", "density.1", "color.0", "color.1", "color.2"};
 
-// Occupied cells for marching (undefined: the whole box); refers to the tensor, which must outlive it. Throws
-// std::invalid_argument: not a contiguous cube of bytes.
+// Occupied cells for marching (undefined: the whole box). Throws std::invalid_argument: not a contiguous cube of bytes.
 MarchGrid march_grid_of(const FieldGeometry& geometry, const Tensor& occupancy);
 
 }  // namespace fieldgraft

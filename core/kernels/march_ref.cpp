@@ -9,29 +9,36 @@
 namespace fieldgraft {
 namespace {
 
-constexpr int block = 8;
+constexpr int block = 8, brick = 4;
 constexpr std::int64_t rays_per_task = 64;
 
-// Samples until the ray leaves the cube of `extent` cells an edge that holds the point p (in cells).
+// Samples until the ray leaves the cube of `extent` cells an edge (a power of 2) that holds the point p (in cells).
 double steps_to_exit(const double* cell_steps, const double* p, int extent) {
     double nearest = std::numeric_limits<double>::infinity();
     for (int c = 0; c < 3; ++c) {
         if (cell_steps[c] == 0) continue;
-        const int lower = static_cast<int>(p[c]) / extent * extent;  // p ≥ 0 inside the box
+        const int lower = static_cast<int>(p[c]) & -extent;  // p ≥ 0 inside the box
         const double face = cell_steps[c] > 0 ? lower + extent : lower;
         nearest = std::min(nearest, (face - p[c]) * cell_steps[c]);
     }
     return nearest;
 }
 
-// Cells to cross from here in one stride (8: the block is empty, 1: the cell is), or 0 where there is something.
+// Cells to cross from here in one stride (the edge of an empty cube around this one), or 0 where there is something.
 int empty_extent(const MarchGrid& grid, const double* p) {
-    const int resolution = grid.resolution, blocks = (resolution + block - 1) / block;
-    int cell[3];
-    for (int c = 0; c < 3; ++c) cell[c] = std::clamp(static_cast<int>(p[c]), 0, resolution - 1);
-    const std::size_t b = (std::size_t(cell[2] / block) * blocks + cell[1] / block) * blocks + cell[0] / block;
-    if (grid.blocks[b] == 0) return block;
-    return grid.cells[(std::size_t(cell[2]) * resolution + cell[1]) * resolution + cell[0]] == 0 ? 1 : 0;
+    std::size_t cell[3];
+    for (int c = 0; c < 3; ++c) cell[c] = std::clamp(static_cast<int>(p[c]), 0, grid.resolution - 1);
+    const auto [x, y, z] = cell;
+    const std::size_t blocks = grid.blocks_an_edge, bricks = grid.bricks_an_edge;
+    if (grid.blocks[(z / block * blocks + y / block) * blocks + x / block] == 0) return block;
+    const std::uint64_t bits = grid.bricks[(z / brick * bricks + y / brick) * bricks + x / brick];
+    if (bits == 0) return brick;
+    const std::size_t at = (z % brick * brick + y % brick) * brick + x % brick;
+    if (bits >> at & 1) return 0;
+    // Its eighth of the brick: 2×2×2 cells, the first of them where the lowest bit of each coordinate is 0.
+    constexpr std::uint64_t eighth = 0x330033;
+    const std::size_t first = at & ~std::size_t{0b010101};
+    return (bits >> first & eighth) == 0 ? 2 : 1;
 }
 
 // Calls use(position, t) for every sample of ray r.
@@ -105,7 +112,6 @@ bool RayMarcher::next(float* position, float& distance) {
 
 MarchGrid make_march_grid(const std::array<double, 3>& box_min, const std::array<double, 3>& box_max, int resolution,
                           std::span<const std::uint8_t> cells) {
-    MarchGrid grid{box_min, box_max, resolution, cells, {}};
     for (int c = 0; c < 3; ++c) {
         if (!(box_min[c] < box_max[c])) throw std::invalid_argument("march: the box is empty");
     }
@@ -114,13 +120,21 @@ MarchGrid make_march_grid(const std::array<double, 3>& box_min, const std::array
         throw std::invalid_argument("march: " + std::to_string(cells.size()) + " cells are not a cube of edge " +
                                     std::to_string(resolution));
     }
-    const std::size_t blocks = (n + block - 1) / block;
+    const std::size_t bricks = (n + brick - 1) / brick, blocks = (n + block - 1) / block;
+    MarchGrid grid{box_min, box_max, resolution, {}, {}, static_cast<int>(bricks), static_cast<int>(blocks)};
+    grid.bricks.assign(bricks * bricks * bricks, 0);
     grid.blocks.assign(blocks * blocks * blocks, 0);
     for (std::size_t z = 0; z < n; ++z) {
         for (std::size_t y = 0; y < n; ++y) {
             const std::uint8_t* row = cells.data() + (z * n + y) * n;
-            std::uint8_t* out = grid.blocks.data() + ((z / block) * blocks + y / block) * blocks;
-            for (std::size_t x = 0; x < n; ++x) out[x / block] |= row[x] != 0;
+            std::uint64_t* brick_row = grid.bricks.data() + (z / brick * bricks + y / brick) * bricks;
+            std::uint8_t* block_row = grid.blocks.data() + (z / block * blocks + y / block) * blocks;
+            const std::size_t at = (z % brick * brick + y % brick) * brick;
+            for (std::size_t x = 0; x < n; ++x) {
+                const std::uint64_t occupied = row[x] != 0;
+                brick_row[x / brick] |= occupied << (at + x % brick);
+                block_row[x / block] |= static_cast<std::uint8_t>(occupied);
+            }
         }
     }
     return grid;

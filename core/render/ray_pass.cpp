@@ -34,18 +34,20 @@ void forward(const KernelField& field, const RayBlock& block, Activations& a) {
     composite_forward<float>(composite_input(block, a), a.shown, a.transmittance, a.depth, serial_for);
 }
 
-// The loss and its gradient with respect to what the rays show; scale: 2 over the number of values in the mean.
-double difference(std::span<const float> background, std::span<const float> target, float scale, Activations& a) {
-    double squared = 0;
+// The loss and its gradient with respect to what the rays show; scale: one over the number of values in the mean.
+double difference(std::span<const float> pixels, float scale, Activations& a) {
+    double sum = 0;
     a.shown_grad.resize(a.shown.size());
     a.transmittance_grad.assign(a.transmittance.size(), 0.0f);
     for (std::size_t i = 0; i < a.shown.size(); ++i) {
-        const float off = a.shown[i] + a.transmittance[i / 3] * background[i] - target[i];
-        squared += static_cast<double>(off) * off;
-        a.shown_grad[i] = off * scale;
-        a.transmittance_grad[i / 3] += off * scale * background[i];
+        const float* pixel = pixels.data() + i / 3 * 4;
+        const float color = a.shown[i] - pixel[3] * pixel[i % 3];
+        const float transmittance = a.transmittance[i / 3] - (1 - pixel[3]);
+        sum += static_cast<double>(color * color + color * transmittance + transmittance * transmittance / 3);
+        a.shown_grad[i] = (2 * color + transmittance) * scale;
+        a.transmittance_grad[i / 3] += (color + 2 * transmittance / 3) * scale;
     }
-    return squared;
+    return sum;
 }
 
 void backward(const KernelField& field, const RayBlock& block, Activations& a, FieldMlpGradients& gradients) {
@@ -71,14 +73,14 @@ void backward(const KernelField& field, const RayBlock& block, Activations& a, F
 void keep(const KernelField& field, const RayBlock& block, const Activations& a, std::size_t done, RangeFit& fit) {
     const std::size_t n = block.samples(), width = static_cast<std::size_t>(field.grid->features);
     for (int c = 0; c < 3; ++c) {
-        std::copy_n(block.positions.data() + c * n, n, fit.positions.data() + c * fit.samples + done);
+        std::copy_n(block.positions.data() + c * n, n, fit.positions.get() + c * fit.samples + done);
     }
     // 0 · x is 0 for every finite x and NaN for the others.
     float zero = 0;
     for (const float x : a.encoded_grad) zero += 0.0f * x;
     fit.finite = fit.finite && zero == 0;
     for (std::size_t l = 0; l < field.grid->levels.size(); ++l) {
-        float* to = fit.encoded_grad.data() + (l * fit.samples + done) * width;
+        float* to = fit.encoded_grad.get() + (l * fit.samples + done) * width;
         const float* from = a.encoded_grad.data() + l * width;
         for (std::size_t s = 0; s < n; ++s) std::copy_n(from + s * field.encoded_row, width, to + s * width);
     }
@@ -102,23 +104,23 @@ void draw_range(const KernelField& field, const MarchGrid& cells, const RayRange
 
 HashGridRows RangeFit::rows(const HashGrid& grid) const {
     const std::size_t features = static_cast<std::size_t>(grid.features);
-    return {positions.data(), encoded_grad.data(), samples, features, samples * features};
+    return {positions.get(), encoded_grad.get(), samples, features, samples * features};
 }
 
-void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays,
-               std::span<const float> background, std::span<const float> target, RangeFit& fit) {
+void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<const float> pixels,
+               RangeFit& fit) {
     VisibleRays visible(field, cells, rays);
     fit.samples = visible.samples();
-    fit.positions.resize(3 * fit.samples);
-    fit.encoded_grad.resize(fit.samples * field.grid->rows());
-    const float scale = static_cast<float>(2.0 / static_cast<double>(rays.march.origins.size()));
+    fit.positions = std::make_unique_for_overwrite<float[]>(3 * fit.samples);
+    fit.encoded_grad = std::make_unique_for_overwrite<float[]>(fit.samples * field.grid->rows());
+    const float scale = static_cast<float>(1.0 / static_cast<double>(rays.march.origins.size()));
     RayBlock block;
     Activations a;
     std::size_t done = 0;
     while (visible.next(block)) {
         forward(field, block, a);
-        const std::size_t first = 3 * (rays.first + block.begin), count = 3 * block.rays();
-        fit.squared_error += difference(background.subspan(first, count), target.subspan(first, count), scale, a);
+        const std::size_t first = rays.first + block.begin, count = block.rays();
+        fit.squared_error += difference(pixels.subspan(4 * first, 4 * count), scale, a);
         backward(field, block, a, fit.gradients);
         keep(field, block, a, done, fit);
         done += block.samples();

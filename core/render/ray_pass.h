@@ -3,11 +3,15 @@
 // tests compare them). One thread a range; callers share ranges out.
 //
 //   color = Σ w c     transmittance T = Π (1 − α)     depth = Σ w t / Σ w            (composite_ref.h)
-//   loss  = mean over rays and channels of (color + T b − target)²                   b: the ray's background
+//   loss  = mean over rays and channels of E_b[(C + T b − (αc + (1 − α) b))²]        b: uniform over [0, 1]
+//         = mean of ΔC² + ΔC ΔT + ΔT²/3,   ΔC = C − αc,  ΔT = T − (1 − α)
+//
+// C: color, T: transmittance; c and α: the pixel's. Fitting over random backgrounds makes what is transparent
+// transparent and what is opaque opaque; their mean, in closed form, does it without the noise of drawing them.
 #pragma once
 
+#include <memory>
 #include <span>
-#include <vector>
 
 #include "core/kernels/hash_grid_simd.h"
 #include "core/render/visible_rays.h"
@@ -28,15 +32,16 @@ struct RangeFit {
     std::size_t samples = 0;   // that were visible
     bool finite = true;        // of encoded_grad
     FieldMlpGradients gradients;
-    std::vector<float> positions;     // 3×samples, unit cube
-    std::vector<float> encoded_grad;  // level after level: levels×samples×F
+    std::unique_ptr<float[]> positions;     // 3×samples, unit cube
+    std::unique_ptr<float[]> encoded_grad;  // level after level: levels×samples×F
 
     explicit RangeFit(const FieldMlpShape& shape) : gradients(shape) {}
     HashGridRows rows(const HashGrid& grid) const;
 };
 
-// background and target: R×3, of all rays of `rays.march`. `fit` is fresh; gradients are of the mean over all R rays.
-void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays,
-               std::span<const float> background, std::span<const float> target, RangeFit& fit);
+// pixels: R×4, straight alpha last, of all rays of `rays.march`. `fit` is fresh; gradients are of the mean over all R
+// rays.
+void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<const float> pixels,
+               RangeFit& fit);
 
 }  // namespace fieldgraft

@@ -27,11 +27,7 @@ struct VisibleRays::Wave {
 VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays)
     : field_(field), cells_(cells), rays_(rays), limit_(-std::log(rays.min_transmittance)) {
     find();
-    start_.assign(rays_.count() + 1, 0);
-    for (std::int64_t r = 0; r < rays_.count(); ++r) {
-        start_[r + 1] = start_[r];
-        for (const Segment& s : segments_[r]) start_[r + 1] += s.count;
-    }
+    sort_by_ray();
 }
 
 VisibleRays::~VisibleRays() = default;
@@ -45,7 +41,6 @@ void VisibleRays::find() {
         active.push_back(r);
     }
     depth_.assign(rays_.count(), 0.0);
-    segments_.assign(rays_.count(), {});
     for (int length = first_wave; !active.empty(); length = std::min(2 * length, largest_wave)) {
         waves_.push_back(std::make_unique<Wave>());
         Wave& wave = *waves_.back();
@@ -55,15 +50,33 @@ void VisibleRays::find() {
     }
 }
 
+// The waves noted the segments one after the other: by ray, keeping their order.
+void VisibleRays::sort_by_ray() {
+    first_segment_.assign(rays_.count() + 1, 0);
+    start_.assign(rays_.count() + 1, 0);
+    for (const Segment& s : segments_) {
+        ++first_segment_[s.ray + 1];
+        start_[s.ray + 1] += s.count;
+    }
+    for (std::int64_t r = 0; r < rays_.count(); ++r) {
+        first_segment_[r + 1] += first_segment_[r];
+        start_[r + 1] += start_[r];
+    }
+    std::vector<Segment> sorted(segments_.size());
+    std::vector<std::size_t> place = first_segment_;
+    for (const Segment& s : segments_) sorted[place[s.ray]++] = s;
+    segments_ = std::move(sorted);
+}
+
 // The next `length` samples of the active rays; whether each of them may have more.
 std::vector<bool> VisibleRays::collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active,
                                        int length, Wave& wave) {
-    double edge = 0;
-    for (int c = 0; c < 3; ++c) edge = std::max(edge, field_.box_max[c] - field_.box_min[c]);
-    const float scale = static_cast<float>(1.0 / edge);
+    const float scale = static_cast<float>(1.0 / longest_edge(field_.box_min, field_.box_max));
     float low[3];
     for (int c = 0; c < 3; ++c) low[c] = static_cast<float>(field_.box_min[c]);
     std::vector<float> axes[3];
+    for (auto& axis : axes) axis.reserve(active.size() * length);
+    wave.t.reserve(active.size() * length);
     std::vector<bool> more;
     for (const std::int64_t r : active) {
         const std::size_t before = wave.t.size();
@@ -110,7 +123,7 @@ std::vector<std::int64_t> VisibleRays::look_past(Wave& wave, const std::vector<b
         for (; k < wave.first[i + 1] && depth_[r] <= limit_; ++k) {
             depth_[r] += std::min(static_cast<double>(wave.density[k]) * step, 1e30);
         }
-        segments_[r].push_back({&wave, wave.first[i], k - wave.first[i]});
+        segments_.push_back({r, &wave, wave.first[i], k - wave.first[i]});
         if (more[i] && depth_[r] <= limit_) active.push_back(r);
     }
     return active;
@@ -142,7 +155,8 @@ void VisibleRays::gather(RayBlock& block) const {
     std::size_t at = 0;
     for (std::int64_t r = block.begin; r < block.end; ++r) {
         block.start[r - block.begin] = static_cast<std::int64_t>(at);
-        for (const Segment& s : segments_[r]) {
+        for (std::size_t i = first_segment_[r]; i < first_segment_[r + 1]; ++i) {
+            const Segment& s = segments_[i];
             const Wave& w = *s.wave;
             const std::size_t n = w.t.size();
             std::copy_n(w.encoded.get() + s.first * e, s.count * e, block.encoded.data() + at * e);

@@ -52,10 +52,12 @@ class VisibleRays {
     struct Wave;
     // Part of a ray's visible samples: rows of a wave.
     struct Segment {
+        std::int64_t ray;
         const Wave* wave;
         std::size_t first, count;
     };
     void find();
+    void sort_by_ray();
     std::vector<bool> collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active, int length,
                               Wave& wave);
     void evaluate(Wave& wave) const;
@@ -69,8 +71,9 @@ class VisibleRays {
     const double limit_;  // of the optical depth in front of a sample
     std::vector<double> depth_;
     std::vector<std::unique_ptr<Wave>> waves_;
-    std::vector<std::vector<Segment>> segments_;
-    std::vector<std::size_t> start_;
+    std::vector<Segment> segments_;           // ray after ray, nearest first
+    std::vector<std::size_t> first_segment_;  // of each ray; one more at the end
+    std::vector<std::size_t> start_;          // each ray's first sample; one more at the end
     std::int64_t taken_ = 0;
 };
 

@@ -13,6 +13,7 @@ constexpr const char* occupancy_name = "occupancy.values";
 Json counters(const TrainState& state) {
     return {{"iteration", state.iteration},
             {"rays", state.rays},
+            {"samples", state.samples},
             {"skipped", state.skipped},
             {"seconds", state.seconds},
             {"error", std::bit_cast<std::uint64_t>(state.error)},
@@ -28,6 +29,15 @@ Json parse(const SafeTensors& file, const std::string& key) {
     const Json json = found == file.metadata.end() ? Json() : Json::parse(found->second, nullptr, false);
     if (!json.is_object()) input_error("{}: \"{}\" is missing or damaged in its metadata", file.origin, key);
     return json;
+}
+
+SafeTensors load(const std::filesystem::path& path) {
+    SafeTensors file = load_safetensors(path);
+    const auto format = file.metadata.find("format");
+    if (format == file.metadata.end() || format->second != format_name) {
+        input_error("{}: not a training checkpoint", file.origin);
+    }
+    return file;
 }
 
 void check_run(const SafeTensors& file, const Json& run) {
@@ -50,12 +60,12 @@ void save_checkpoint(const std::filesystem::path& path, const TrainState& state,
                      {{"format", format_name}, {"run", run.dump()}, {"counters", counters(state).dump()}});
 }
 
+HashFieldConfig checkpoint_field(const std::filesystem::path& path) {
+    return HashFieldConfig::from_json(parse(load(path), "run").value("config", Json()));
+}
+
 void load_checkpoint(const std::filesystem::path& path, TrainState& state, const Json& run) {
-    const SafeTensors file = load_safetensors(path);
-    const auto format = file.metadata.find("format");
-    if (format == file.metadata.end() || format->second != format_name) {
-        input_error("{}: not a training checkpoint", file.origin);
-    }
+    const SafeTensors file = load(path);
     check_run(file, run);
     at::NoGradGuard no_grad;
     for (const auto& [name, parameter] : state.field->parameters()) {
@@ -68,6 +78,7 @@ void load_checkpoint(const std::filesystem::path& path, TrainState& state, const
         const Json count = parse(file, "counters");
         state.iteration = count.at("iteration").get<std::int64_t>();
         state.rays = count.at("rays").get<std::int64_t>();
+        state.samples = count.at("samples").get<std::int64_t>();
         state.skipped = count.at("skipped").get<std::int64_t>();
         state.seconds = count.at("seconds").get<double>();
         state.error = std::bit_cast<double>(count.at("error").get<std::uint64_t>());

@@ -17,6 +17,7 @@ struct TrainState {
     Random random;
     std::int64_t iteration = 0;
     std::int64_t rays = 4096;  // of the next batch
+    std::int64_t samples = 0;  // visible ones fitted so far
     std::int64_t skipped = 0;  // steps that were left out for NaN or infinite gradients
     double seconds = 0;        // spent so far, over all runs
     double error = 0;          // running mean squared error of the training rays
@@ -26,6 +27,8 @@ struct TrainState {
 // `run` says what is being trained (options, number of images …); a checkpoint of another run is refused.
 void save_checkpoint(const std::filesystem::path& path, const TrainState& state, const Json& run);
 // Throws InputError.
+// The configuration of the field in a checkpoint. Throws InputError: not a checkpoint.
+HashFieldConfig checkpoint_field(const std::filesystem::path& path);
 void load_checkpoint(const std::filesystem::path& path, TrainState& state, const Json& run);
 
 }  // namespace fieldgraft

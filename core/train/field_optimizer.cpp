@@ -6,6 +6,7 @@
 #include "core/base/spans.h"
 #include "core/field/hash_network.h"
 #include "core/field/torch_parallel.h"
+#include "core/kernels/adam_simd.h"
 
 namespace fieldgraft {
 namespace {
@@ -26,7 +27,7 @@ void FieldOptimizer::step_part(const RadianceField& field, const std::string& na
                                std::span<const float> grad) {
     step.skip_zero = name == table_name;
     const auto part = [&](const Tensor& whole) { return mutable_values(whole).subspan(first, grad.size()); };
-    adam_step<float>(step, grad, part(field.parameters().at(name)), part(m_.at(name)), part(v_.at(name)), serial_for);
+    adam_step_part(step, grad, part(field.parameters().at(name)), part(m_.at(name)), part(v_.at(name)));
 }
 
 bool FieldOptimizer::step(const RadianceField& field, double rate, const std::vector<RangeFit>& fits) {

@@ -43,13 +43,6 @@ void keep_freed_memory() {
 #endif
 }
 
-Tensor random_colors(std::int64_t count, Random& random) {
-    Tensor colors = at::empty({count, 3}, at::kFloat);
-    float* values = colors.mutable_data_ptr<float>();
-    for (std::int64_t i = 0; i < 3 * count; ++i) values[i] = random.uniform();
-    return colors;
-}
-
 class Trainer {
   public:
     Trainer(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,
@@ -59,7 +52,6 @@ class Trainer {
     }
 
     void resume() {
-        if (checkpoint_.empty()) throw std::invalid_argument("resume needs the path of a checkpoint");
         load_checkpoint(checkpoint_, state_, run_description());
         refresh_cells();
         before_ = state_.seconds;
@@ -82,7 +74,7 @@ class Trainer {
 
   private:
     TrainState fresh_state() const {
-        auto field = std::make_shared<RadianceField>(options_.field, data_.geometry, options_.seed);
+        auto field = std::make_shared<RadianceField>(options_.field_config(), data_.geometry, options_.seed);
         OccupancyGrid occupancy(data_.geometry, options_.occupancy_resolution, step());
         field->set_occupancy(occupancy.cells());
         return {field, FieldOptimizer(*field), occupancy, Random(options_.seed, 0x7261696eu)};
@@ -94,18 +86,22 @@ class Trainer {
         return march_step(data_.geometry, march);
     }
 
-    double minutes() const { return options_.minutes.value_or(preset_minutes(options_.quality)); }
+    // Long steps first: while the picture is rough, more rays teach it more than finer ones do.
+    double current_step() const {
+        const double done = share();
+        return step() * (done < 0.3 ? 4 : done < 0.8 ? 2 : 1);
+    }
 
     // How much of the run is done.
     double share() const {
         if (options_.iterations) {
             return static_cast<double>(state_.iteration) / static_cast<double>(*options_.iterations);
         }
-        return state_.seconds / (60 * minutes());
+        return state_.seconds / (60 * options_.budget());
     }
 
     Json run_description() const {
-        return {{"config", options_.field.to_json()},
+        return {{"config", options_.field_config().to_json()},
                 {"geometry", data_.geometry.to_json()},
                 {"seed", options_.seed},
                 {"samples", options_.samples},
@@ -144,8 +140,7 @@ class Trainer {
     void iterate() {
         refresh_occupancy();
         const RayBatch batch = draw_rays(data_.train, state_.rays, state_.random);
-        const Tensor background = random_colors(batch.rays.size(), state_.random);
-        const std::vector<RangeFit> fits = fit(batch, background);
+        const std::vector<RangeFit> fits = fit(batch);
         double error = 0;
         std::int64_t samples = 0;
         for (const RangeFit& part : fits) {
@@ -155,24 +150,25 @@ class Trainer {
         const bool good = std::isfinite(error) && state_.optimizer.step(*state_.field, rate(), fits);
         count_step(good, error);
         adapt_rays(samples);
+        state_.samples += samples;
         ++state_.iteration;
     }
 
     // Forward and backward of a batch.
-    std::vector<RangeFit> fit(const RayBatch& batch, const Tensor& background) {
+    std::vector<RangeFit> fit(const RayBatch& batch) {
         at::NoGradGuard no_grad;
-        const Tensor alpha = batch.colors.narrow(1, 3, 1);
-        const Tensor target = (batch.colors.narrow(1, 0, 3) * alpha + background * (1 - alpha)).contiguous();
         const Tensor origins = batch.rays.origins.contiguous(), directions = batch.rays.directions.contiguous();
         const Tensor jitter = draw_jitter(&state_.random, batch.rays.size());
-        const MarchRays rays{values(origins), values(directions), values(jitter), step(), 0};
+        const MarchRays rays{values(origins), values(directions), values(jitter), current_step(), 0};
         const KernelField kernel(*state_.field);
-        const std::int64_t total = batch.rays.size(), count = (total + rays_a_range - 1) / rays_a_range;
-        std::vector<RangeFit> fits(count, RangeFit(kernel.weights.shape()));
+        const std::int64_t total = batch.rays.size(), a_range = std::clamp<std::int64_t>(total / 16, 32, rays_a_range);
+        const std::int64_t count = (total + a_range - 1) / a_range;
+        std::vector<RangeFit> fits;
+        for (std::int64_t i = 0; i < count; ++i) fits.emplace_back(kernel.weights.shape());
         share_out(count, [&](std::int64_t i) {
-            const RayRange range{rays, i * rays_a_range, std::min((i + 1) * rays_a_range, total),
+            const RayRange range{rays, i * a_range, std::min((i + 1) * a_range, total),
                                  MarchOptions().min_transmittance};
-            fit_range(kernel, cells_, range, values(background), values(target), fits[i]);
+            fit_range(kernel, cells_, range, values(batch.colors), fits[i]);
         });
         return fits;
     }
@@ -205,11 +201,9 @@ class Trainer {
     void tell() {
         last_told_ = state_.seconds;
         const double done = std::min(share(), 1.0);
-        Json event{{"event", "progress"},
-                   {"iteration", state_.iteration},
-                   {"loss", state_.error},
-                   {"psnr", psnr_of(state_.error)},
-                   {"eta_s", done > 0 ? state_.seconds * (1 - done) / done : 0.0}};
+        Json event{{"event", "progress"},           {"iteration", state_.iteration},
+                   {"loss", state_.error},          {"rays", state_.rays},
+                   {"psnr", psnr_of(state_.error)}, {"eta_s", done > 0 ? state_.seconds * (1 - done) / done : 0.0}};
         const double total = options_.iterations
                                  ? static_cast<double>(*options_.iterations)
                                  : std::ceil(static_cast<double>(state_.iteration) / std::max(done, 1e-9));
@@ -249,11 +243,12 @@ class Trainer {
         state_.occupancy.refresh_all(*state_.field, state_.random);
         refresh_cells();
         state_.field->freeze();
-        return {state_.field, {state_.iteration, state_.skipped, state_.seconds, measured_psnr(), peak_mib()}};
+        return {state_.field,
+                {state_.iteration, state_.skipped, state_.samples, state_.seconds, measured_psnr(), peak_mib()}};
     }
 
     const TrainingData& data_;
-    const TrainOptions& options_;
+    const TrainOptions options_;
     const Reporter& reporter_;
     const std::filesystem::path checkpoint_;
     TrainState state_;
@@ -264,6 +259,16 @@ class Trainer {
 };
 
 }  // namespace
+
+double TrainOptions::budget() const {
+    return minutes.value_or(preset_minutes(quality));
+}
+
+HashFieldConfig TrainOptions::field_config() const {
+    HashFieldConfig config = field.value_or(HashFieldConfig());
+    if (!field && !iterations) config.log2_table_size = budget() < 2 ? 16 : budget() < 4 ? 17 : 18;
+    return config;
+}
 
 void TrainOptions::check() const {
     preset_minutes(quality);
@@ -281,8 +286,8 @@ void TrainOptions::check() const {
 }
 
 Json TrainReport::to_json() const {
-    return {
-        {"iterations", iterations}, {"skipped", skipped}, {"seconds", seconds}, {"psnr", psnr}, {"peak_mib", peak_mib}};
+    return {{"iterations", iterations}, {"skipped", skipped}, {"samples", samples},
+            {"seconds", seconds},       {"psnr", psnr},       {"peak_mib", peak_mib}};
 }
 
 TrainResult train_field(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,
@@ -290,7 +295,13 @@ TrainResult train_field(const TrainingData& data, const TrainOptions& options, c
     options.check();
     data.check();
     keep_freed_memory();
-    Trainer trainer(data, options, reporter, checkpoint);
+    TrainOptions resumed = options;
+    if (resume) {
+        if (checkpoint.empty()) throw std::invalid_argument("resume needs the path of a checkpoint");
+        // Going on for longer is the same run, whatever table a new one would take.
+        if (!options.field) resumed.field = checkpoint_field(checkpoint);
+    }
+    Trainer trainer(data, resumed, reporter, checkpoint);
     if (resume) trainer.resume();
     return trainer.run();
 }

@@ -1,10 +1,10 @@
 // Fitting a radiance field to images (Mildenhall et al. 2020, with the hash encoding of Müller et al. 2022).
 //
 // Every iteration: random rays over all training pixels; forward and backward over the samples they can see
-// (ray_pass.h); one step of Adam. The loss is the mean squared error of sRGB colours, prediction and target
-// both composited on the same random colour a ray, so that transparent parts become transparent and opaque ones opaque.
+// (ray_pass.h); one step of Adam. The loss is the mean squared error of sRGB colours over all backgrounds (ray_pass.h).
 // The number of rays follows the number of visible samples, near `samples` an iteration. The learning rate falls
-// exponentially from rate to rate·rate_end over the run: by iterations, or by time when `minutes` is given.
+// exponentially from rate to rate·rate_end over the run: by iterations, or by time when `minutes` is given; the march's
+// step is four times the final one for the first 30 % of the run and twice until 80 %.
 //
 // By iterations nothing depends on the clock or on the number of threads: same seed and machine give the same bits,
 // resumed or not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after
@@ -26,19 +26,24 @@ struct TrainOptions {
     std::optional<std::int64_t> iterations;  // how many; neither: the preset's minutes
     std::string quality = "preview";         // draft 1, preview 3, final 10 minutes
     std::uint64_t seed = 0;
-    HashFieldConfig field;
-    std::int64_t samples = 1 << 16;  // visible samples an iteration aims at
-    double rate = 1e-2, rate_end = 0.03;
-    double step = 0;  // of the march, model units; 0: the box diagonal / 1024
+    std::optional<HashFieldConfig> field;  // none: with the largest table that pays within the time
+    std::int64_t samples = 1 << 15;        // visible samples an iteration aims at
+    double rate = 2e-2, rate_end = 0.03;
+    double step = 0;  // of the march at the end, model units; 0: the box diagonal / 1024
     int occupancy_resolution = 128;
     double checkpoint_seconds = 30;
 
+    // The preset's minutes, unless `minutes` says otherwise.
+    double budget() const;
+    // `field`, or one for the budget: a small table learns faster, a large one further.
+    HashFieldConfig field_config() const;
     // Throws InputError with one line. Called by train_field.
     void check() const;
 };
 
 struct TrainReport {
     std::int64_t iterations = 0, skipped = 0;
+    std::int64_t samples = 0;  // visible samples that were fitted
     double seconds = 0;
     double psnr = 0;      // of the validation views (four at most), or of training views if there are none
     double peak_mib = 0;  // of the process

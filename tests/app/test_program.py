@@ -34,7 +34,7 @@ def test_train_events_follow_the_contract(ball_scene: Path, tmp_path: Path) -> N
     events = events_of(run_program("train", ball_scene, "-o", field, "--iterations", 40, "--json"))
     progress = [e for e in events if e["event"] == "progress"]
     assert progress and {"iteration", "total", "loss", "eta_s"} <= progress[-1].keys()
-    assert {"iterations", "seconds", "peak_mib"} <= events[-1].keys()
+    assert {"iterations", "samples", "seconds", "peak_mib"} <= events[-1].keys()
     assert events[-1]["event"] == "done" and events[-1]["iterations"] == 40
     assert field.exists() and not list(tmp_path.glob("*.part*"))
 

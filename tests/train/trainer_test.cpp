@@ -52,11 +52,12 @@ TrainOptions small_options(std::int64_t iterations) {
     options.samples = 4096;
     options.step = 0.04;
     options.occupancy_resolution = 24;
-    options.field.levels = 6;
-    options.field.log2_table_size = 11;
-    options.field.base_resolution = 4;
-    options.field.finest_resolution = 48;
-    options.field.density_hidden = options.field.color_hidden = 16;
+    HashFieldConfig& field = options.field.emplace();
+    field.levels = 6;
+    field.log2_table_size = 11;
+    field.base_resolution = 4;
+    field.finest_resolution = 48;
+    field.density_hidden = field.color_hidden = 16;
     return options;
 }
 
@@ -137,6 +138,19 @@ TEST_F(Train, ACheckpointOfAnotherRunIsRefused) {
     EXPECT_THROW(train_field(ball_data(), small_options(2), {}, temporary("absent.safetensors"), true), InputError);
 }
 
+TEST_F(Train, ALongerBudgetMayGoOnWithTheFieldOfAShorterOne) {
+    const fs::path checkpoint = temporary("budget.safetensors");
+    TrainOptions options = small_options(1);
+    options.iterations.reset();
+    options.minutes = 1;
+    options.field.reset();
+    const std::atomic<bool> stop{true};
+    EXPECT_THROW(train_field(ball_data(), options, Reporter([](const Json&) {}, &stop), checkpoint), Cancelled);
+    options.minutes = 5;
+    EXPECT_GT(options.field_config().log2_table_size, 16) << "by itself it would take a larger table";
+    EXPECT_THROW(train_field(ball_data(), options, Reporter([](const Json&) {}, &stop), checkpoint, true), Cancelled);
+}
+
 TEST_F(Train, TimeIsKept) {
     auto options = small_options(1);
     options.iterations.reset();
@@ -176,10 +190,11 @@ TEST_F(Train, BadInputIsNamed) {
 
 TEST_F(Train, NonFiniteGradientsChangeNothing) {
     auto options = small_options(1);
-    RadianceField field(options.field, {}, 1);
+    RadianceField field(options.field_config(), {}, 1);
     FieldOptimizer optimizer(field);
     const std::string before = field.hash();
-    std::vector<RangeFit> fits(2, RangeFit(field.mlp_shape()));
+    std::vector<RangeFit> fits;
+    for (int i = 0; i < 2; ++i) fits.emplace_back(field.mlp_shape());
     const auto refused = [&] {
         EXPECT_FALSE(optimizer.step(field, 0.01, fits));
         EXPECT_EQ(field.hash(), before);
@@ -235,7 +250,7 @@ TEST_F(Train, RandomRaysAreUniformOverThePixels) {
 
 TEST_F(Train, OccupancyFindsTheDenseCells) {
     auto options = small_options(1);
-    RadianceField field(options.field, {}, 1);
+    RadianceField field(options.field_config(), {}, 1);
     OccupancyGrid grid({}, 16, 0.04);
     EXPECT_EQ(grid.share(), 1);  // nothing is known to be empty
     Random random(1);
