@@ -1,6 +1,6 @@
 """What docs/results.md shows: a field's accuracy over time, edits from text alone, and the bake, on the lego scene.
 
-    ./dev results --scene DIR [--out docs/results] [--work DIR] [--only field,edits,bake] [--minutes 2 5 10]
+    ./dev results --scene DIR [--out docs/results] [--work DIR] [--only field,edits,bake] [--minutes 1 2 5 10]
 
 Writes OUT/lego.json and OUT/lego_*.png, and the tables of docs/results.md. A field that WORK holds already is not
 trained again. The regions that edits are judged by are drawn by hand (bench/lego/regions.json); the edits never see
@@ -187,7 +187,7 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "results")
     parser.add_argument("--only", default="field,edits,bake")
     parser.add_argument("--edits", help="only these edits, by name")
-    parser.add_argument("--minutes", type=float, nargs="+", default=[2.0, 5.0, 10.0])
+    parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 2.0, 5.0, 10.0])
     parser.add_argument("--resolution", type=int, default=256)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--blender", default="blender")

@@ -1,10 +1,12 @@
 """Accuracy and timings of the whole path on one scene, beside a GEMM reading of the same run.
 
-    ./dev bench [--scene DIR] [--minutes 2 5 10] [--threads N] [--out FILE.json]
+    ./dev bench [--scene DIR] [--minutes 1 2 5 10] [--threads N] [--out FILE.json]
 
-Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, and for each training budget the PSNR and SSIM on
-the scene's test views, iterations, time per view rendered. Results are checked (finite, better than grey) before they
-are reported; times are never judged.
+Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, microseconds a sample of the same training step in
+plain PyTorch (`eager.py`), and for each training budget the PSNR and SSIM on the scene's test views, iterations,
+microseconds a sample that was fitted (marching, occupancy and all else included), how many times faster than PyTorch
+that is, time per view rendered. Results are checked (finite, better than grey) before they are reported; times are
+never judged.
 """
 
 from __future__ import annotations
@@ -20,6 +22,8 @@ import sys
 import tempfile
 import time
 from pathlib import Path
+
+import eager
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -61,10 +65,17 @@ def measure(program: Path, scene: Path, minutes: float, threads: int, work: Path
     score = done_event([program, "eval", field, "--scene", scene, "--split", "test", *common])
     if not (math.isfinite(score["psnr"]) and score["psnr"] > 10):
         sys.exit(f"bench: {score['psnr']} dB after {minutes} minutes is not a result worth timing")
-    keys = ("iterations", "seconds", "peak_mib")
+    keys = ("iterations", "samples", "seconds", "peak_mib")
+    each = train["seconds"] / train["samples"] * 1e6
+    config = done_event([program, "info", field])["files"][0]["config"]
+    plain = eager.microseconds_a_sample(threads, config["log2_table_size"])
     return {
         "minutes": minutes,
-        **{k: train[k] for k in keys if k in train},
+        **{k: train[k] for k in keys},
+        "log2_table_size": config["log2_table_size"],
+        "microseconds_a_sample": round(each, 3),
+        "pytorch_eager_microseconds_a_sample": plain,
+        "times_faster_than_pytorch_eager": round(plain["median"] / each, 1),
         **{k: score[k] for k in ("psnr", "ssim", "seconds_per_view") if k in score},
     }
 
