@@ -85,6 +85,7 @@ class Run:
         self.trainer = Trainer(config, self.tokenizer, self.vocabulary, held_out, seed, args.device, args.rate)
         if resumed:
             self.trainer.restore(self.folder / "latest.pt")
+            self.take_again(args.again)
         elif args.start is not None:
             self.trainer.adopt(load_folder(args.start)[0])
         self.at = self.trainer.progress.pictures
@@ -95,6 +96,13 @@ class Run:
             vocabulary=len(self.tokenizer.vocab),
             parameters=sum(p.numel() for p in self.trainer.model.parameters()),
         )
+
+    def take_again(self, stage: int | None) -> None:
+        """Take this stage and those after it once more."""
+        progress = self.trainer.progress
+        if stage is not None and rank() == 0:
+            progress.stage, progress.minutes, progress.stage_steps = stage, 0.0, 0
+            progress.done = [s for s in progress.done if s < stage]
 
     def gather(self) -> None:
         """Start the other workers, which pick up the checkpoint written here."""
@@ -108,7 +116,13 @@ class Run:
         if resumed or self.args.start is not None:
             source = self.folder if resumed else self.args.start
             config = json.loads((source / "config.json").read_text(encoding="utf-8"))
-            return CaptionTokenizer.load(source, CONTEXT_LENGTH), config
+            if self.args.layers:
+                config["vision_config"]["layers"] = list(self.args.layers)
+            tokenizer = CaptionTokenizer.load(source, CONTEXT_LENGTH)
+            if rank() == 0:
+                tokenizer.save(self.folder)
+                write_text(self.folder / "config.json", json.dumps(config))
+            return tokenizer, config
         captions: list[str] = []
         pairs = TOKENIZER_PAIRS if self.name != "smoke" else 500
         for _ in range(pairs // 100):
@@ -241,6 +255,12 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--device", default="cpu", choices=("cpu", "cuda"))
     parser.add_argument("--rate", type=float, default=RATE, help="peak learning rate")
     parser.add_argument("--from", dest="start", type=Path, help="start from this guidance folder's weights")
+    parser.add_argument("--again", type=int, choices=(1, 2, 3), help="take the stages from this one on once more")
+    parser.add_argument(
+        "--layers",
+        type=lambda t: tuple(int(x) for x in t.split(",")),
+        help="blocks of the trunk's four layers, four numbers separated by commas; a resumed smaller trunk grows",
+    )
     parser.add_argument("--fresh", action="store_true", help="ignore the checkpoint")
     parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own")
     parser.add_argument("--checkpoints", type=Path, default=ROOT / "models" / "checkpoints")

@@ -33,7 +33,7 @@ QUERY_WEIGHTS = (1.0, 1.4, 1.6, 1.2, 0.6, 1.2, 1.0)
 QUERIES = 0.6  # queries a picture and step
 WARP = {1: 0.5, 2: 0.6, 3: 0.7}
 PLAIN_STEPS = {1: 0.8, 2: 0.5, 3: 0.3}  # share of the steps whose pictures are not augmented
-WORD_STEPS = {1: 4, 2: 2, 3: 2}  # the words' cross-entropy is taken every so many steps
+WORD_STEPS = {1: 4, 2: 2, 3: 2}  # the words are embedded anew every so many steps; between them pictures learn alone
 DECODER_SHARE = {2: 0.3, 3: 0.3}  # how much of the segmenter's gradient reaches the towers
 AVERAGE = 0.998
 MAX_RADIUS = 1.5
@@ -99,6 +99,7 @@ class Trainer:
         self.progress = Progress()
         self.average = {k: v.detach().clone().float() for k, v in self.model.state_dict().items()}
         self.recent: dict[str, float] = {}
+        self.said: list[Tensor] = []  # the words' last embeddings
 
     def _groups(self) -> tuple[list[Tensor], list[dict[str, Any]]]:
         """Muon's convolutions and AdamW's rest. Matrices decay, vectors do not. The attention pool and heads have no
@@ -152,8 +153,7 @@ class Trainer:
         seen = unit(embeddings)
         never = self.held_out.never_shown(batch.truth.to(truth.device))
         out = {"heads": losses.head_loss([h(embeddings).float() for h in self.heads], truth, never)}
-        if words:
-            out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp(), never)
+        out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp(), never)
         if captions is not None:
             scale = self.model.logit_scale.clamp(max=4.6).exp()
             out["captions"] = losses.contrastive_loss(seen, captions, truth, batch.captions, scale)
@@ -179,7 +179,8 @@ class Trainer:
         images, truth = made.images.to(self.device), batch.attributes.to(self.device)
         self.set_rate(fraction)
         with torch.autocast(self.device, torch.bfloat16):
-            words = self.words() if self.progress.steps % WORD_STEPS[stage] == 0 else []
+            words = self.words() if self.progress.steps % WORD_STEPS[stage] == 0 or not self.said else self.said
+            self.said = [w.detach() for w in words]
             captions = self.encode(self.templated(batch.captions)) if stage > 1 else None
             if stage == 3 and self.progress.steps % ATTACK_STEPS == 0:
                 images = self.attack(images, batch, words, captions, truth)
@@ -285,16 +286,30 @@ class Trainer:
 
     def restore(self, path: Path) -> None:
         saved = torch.load(path, map_location=self.device, weights_only=True)
-        self.model.load_state_dict(saved["model"])
         self.heads.load_state_dict(saved["heads"])
         self.word_scale.data.copy_(saved["word_scale"])
-        self.optimiser.load_state_dict(saved["optimiser"])
-        self.muon.load_state_dict(saved["muon"])
-        self.average = {k: v.float() for k, v in saved["average"].items()}
+        if saved["config"]["vision_config"]["layers"] == self.config["vision_config"]["layers"]:
+            self.model.load_state_dict(saved["model"])
+            self.optimiser.load_state_dict(saved["optimiser"])
+            self.muon.load_state_dict(saved["muon"])
+            self.average = {k: v.float() for k, v in saved["average"].items()}
+        else:
+            self.grow(saved["model"])
         self.progress = Progress(**saved["progress"])
         self.rng.set_state(saved["rng"].cpu())
 
     def adopt(self, other: Guidance) -> None:
         """Start from another model's weights (a shipped folder); the optimiser and the heads start afresh."""
-        self.model.load_state_dict(other.state_dict())
+        self.grow(other.state_dict())
+
+    def grow(self, weights: dict[str, Tensor]) -> None:
+        """Weights of a trunk with as many blocks or fewer: the blocks it lacks start as the identity (their last
+        scale is 0), so the larger network computes what the smaller did."""
+        missing, unexpected = self.model.load_state_dict(weights, strict=False)
+        if unexpected:
+            raise ValueError(f"the trunk has no place for {unexpected[0]}: it can grow, not shrink")
+        with torch.no_grad():
+            for name in missing:
+                if name.endswith("bn3.weight"):
+                    self.model.get_parameter(name).zero_()
         self.average = {k: v.detach().clone().float() for k, v in self.model.state_dict().items()}
