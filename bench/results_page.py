@@ -29,6 +29,7 @@ def number(value: float | None, digits: int) -> str:
 
 def field_table(rows: list[dict[str, Any]]) -> str:
     heads = ["minutes", "iterations", "PSNR, dB", "SSIM", "peak memory, MiB", "seconds a 400x400 view"]
+    heads += ["µs a sample", "times plain PyTorch's speed"]
     return table(
         heads,
         [
@@ -38,7 +39,9 @@ def field_table(rows: list[dict[str, Any]]) -> str:
                 number(r["psnr"], 2),
                 number(r["ssim"], 3),
                 number(r.get("peak_mib"), 0),
-                number(r.get("seconds_per_view"), 1),
+                number(r.get("seconds_per_view"), 2),
+                number(r.get("microseconds_a_sample"), 2),
+                number(r.get("times_faster_than_pytorch_eager"), 1),
             ]
             for r in rows
         ],
