@@ -16,8 +16,8 @@ namespace {
 
 constexpr std::int64_t refresh_interval = 16;  // iterations between looks at the occupancy
 constexpr int most_skipped_in_a_row = 8;
-// Where a ray ends in training: ten times what drawing leaves unseen, still far below the error of any fit, for a fourth
-// fewer samples inside what is opaque.
+// Where a ray ends in training: ten times what drawing leaves unseen, still far below the error of any fit, for a
+// fourth fewer samples inside what is opaque.
 constexpr double min_transmittance = 1e-3;
 
 double preset_minutes(const std::string& quality) {
