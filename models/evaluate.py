@@ -8,8 +8,11 @@ over `WORD_TEMPLATES`; a picture counts for an attribute only when its caption s
 belongs to the query when its logit exceeds that of "photo"; IoU is the mean over queries whose thing shows at least
 `MIN_PIXELS` pixels; an absent query counts as left empty when at most 1 % of the picture's pixels are marked.
 The combinations of the "heldout" split (shape, material, colour) never occur in training.
-`shape_alone` and `colour_alone` count only pictures of one plain object with nothing beside it; `colour_seen` those
-whose main object is plain and shows the colour it is called by on at least half of what is seen of it.
+The test's captions say what the scene is, whether or not the picture shows it ("a blue stool" whose visible parts are
+all of other colours; the smaller of two things side by side), and its settings are frozen. So each attribute is also
+counted over the pictures that can tell it (`told`): the main object fills a twentieth of the picture and three
+quarters of what is seen of all objects, and half of what is seen of it is painted in the colour (and not under rust,
+moss, snow or fire) or made of the material in question. `shape_alone` and `colour_alone` count pictures of one plain object with nothing beside it.
 """
 
 from __future__ import annotations
@@ -34,6 +37,8 @@ WORD_TEMPLATES = {
 }
 SAID = {"plain": "plastic"}  # the vocabulary's name -> the word that captions use
 MIN_PIXELS = 12
+TOLD = {"picture": 0.05, "objects": 0.75, "attribute": 0.5}  # least shares for a picture to tell its words
+COVERS = {"rusty", "mossy", "snow-covered", "burning"}
 EMPTY_SHARE = 0.01
 KIND_NAMES = {OBJECT: "objects", PART: "parts", GROUND: "ground", ATTRIBUTE: "attributes", ADDITION: "additions"}
 
@@ -152,8 +157,16 @@ def subsets_of(raw: dict[str, Any]) -> dict[str, tuple[int, Tensor]]:
     objects = [json.loads(spec)["objects"] for pair in raw["spec"] for spec in pair]
     plain = torch.tensor([o[0]["material"] == "plain" for o in objects])
     alone = torch.tensor([len(o) == 1 for o in objects]) & plain
-    seen = torch.from_numpy(raw["colour_share"]).flatten() >= 0.5
-    return {"shape_alone": (0, alone), "colour_alone": (2, alone), "colour_seen": (2, seen & plain)}
+    of_picture, of_objects, colour, material = torch.from_numpy(raw["shares"]).flatten(0, 1).unbind(1)
+    bare = torch.tensor([o[0]["material"] not in COVERS for o in objects])
+    told = (of_picture >= TOLD["picture"]) & (of_objects >= TOLD["objects"])
+    return {
+        "shape_told": (0, told),
+        "material_told": (1, told & (material >= TOLD["attribute"])),
+        "colour_told": (2, told & bare & (colour >= TOLD["attribute"])),
+        "shape_alone": (0, alone),
+        "colour_alone": (2, alone),
+    }
 
 
 def evaluate(

@@ -1,7 +1,8 @@
 """The losses that train the guidance model. All take float32; embeddings of length 1 are called unit embeddings.
 
 * `attribute_loss`  cross-entropy of cos(E(I), E(word)) over the vocabulary's words; unsaid attributes (-1) are skipped.
-  Words that would make a combination kept out of training are no alternatives there (`never_shown`).
+  Words that would make a combination kept out of training are no alternatives there (`never_shown`), nor are those
+  that fit another object in the picture (`never_wrong`): which of two is meant, only the caption says.
 * `contrastive_loss` symmetric InfoNCE (CLIP, sec. 2.3) between pictures and captions; a caption that may be true of
   another picture too (attribute truth agrees wherever both are said) is no negative there.
 * `direction_loss`  the same between picture differences u(E(I1)) - u(E(I2)) and caption differences over the pairs:
@@ -54,6 +55,16 @@ class HeldOut:
         """What the generator (its compiled module) keeps out of training."""
         sizes = [len(vocabulary[a]) for a in ("shapes", "materials", "colours")]
         return cls(module.is_held_out, [module.takes_colour(m) for m in range(sizes[1])], sizes)
+
+    def never_wrong(self, truth: Tensor, beside: Tensor) -> list[Tensor]:
+        """`never_shown`, and the words that fit another object in the picture (`beside`: bits, N x 3)."""
+        masks = self.never_shown(truth)
+        for i, mask in enumerate(masks):
+            bits = torch.arange(mask.shape[1], device=mask.device)
+            fits = (beside[:, i, None].to(mask.device) >> bits & 1).bool()
+            right = truth[:, i, None].to(mask.device) == bits
+            mask |= fits & ~right
+        return masks
 
     def never_shown(self, truth: Tensor) -> list[Tensor]:
         """truth N x 3, complete (colour -1: none). N x K bool an attribute: alternatives that are held out."""

@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from data import CROWDED, ROOT, Singles, Stream, lesson, load_generator_module, read_settings
+from data import CROWDED, ROOT, TRUE, Singles, Stream, lesson, load_generator_module, read_settings
 from evaluate import card, evaluate, heldout_generator, write_figures
 from folder import load_folder, save_folder
 from losses import HeldOut
@@ -67,7 +67,7 @@ class Run:
     def __init__(self, name: str, args: argparse.Namespace) -> None:
         self.name, self.args, self.plan = name, args, PLANS[name]
         self.folder = args.checkpoints / name
-        settings = read_settings(args.settings) if args.settings else ""
+        settings = read_settings(args.settings) if args.settings else json.dumps(TRUE)
         split, seed = self.plan["split"], self.plan["seed"]
         module = load_generator_module()
         resumed = (self.folder / "latest.pt").exists() and (rank() > 0 or not (args.fresh or args.start))
@@ -262,7 +262,7 @@ def parse() -> argparse.Namespace:
         help="blocks of the trunk's four layers, four numbers separated by commas; a resumed smaller trunk grows",
     )
     parser.add_argument("--fresh", action="store_true", help="ignore the checkpoint")
-    parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own")
+    parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own, true captions")
     parser.add_argument("--checkpoints", type=Path, default=ROOT / "models" / "checkpoints")
     parser.add_argument("--check-minutes", type=float, default=4.0, help="minutes between held-out checks; 0: none")
     parser.add_argument("--snapshots", type=Path, help="export here while stages 2 and 3 run")

@@ -151,7 +151,7 @@ class Trainer:
         embeddings, stages = self.model.visual(self.model.preprocess(images))
         embeddings = embeddings.float()
         seen = unit(embeddings)
-        never = self.held_out.never_shown(batch.truth.to(truth.device))
+        never = self.held_out.never_wrong(batch.truth.to(truth.device), batch.beside)
         out = {"heads": losses.head_loss([h(embeddings).float() for h in self.heads], truth, never)}
         out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp(), never)
         if captions is not None:

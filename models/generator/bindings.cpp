@@ -21,8 +21,11 @@ constexpr const char* kGeneratorDoc =
     "batch(n, threads=1, start=None) -> dict with images uint8 [n,2,S,S,3], captions, change uint8 [n],\n"
     "attributes int16 [n,2,3] (shape, material, colour as far as the caption says them), truth int16 [n,2,3] (the "
     "same\n"
-    "whatever the caption says), colour_share float [n,2] (of the main object's visible samples, those painted in its "
-    "colour), queries, masks uint8 [n,2,Q,S,S], query_kinds uint8 [n,2,Q], spec. Without `start` "
+    "whatever the caption says), shares float [n,2,4] (of what is seen of the main object: its share of the picture "
+    "and "
+    "of all objects; how much of it has its colour, its material), beside uint64 [n,2,3] (bits of the shape, material "
+    "and colour words of other clearly visible objects), queries, masks uint8 [n,2,Q,S,S], query_kinds uint8 [n,2,Q], "
+    "spec. Without `start` "
     "the\n"
     "batch begins where the last one ended.";
 
@@ -53,7 +56,8 @@ py::dict to_dict(const std::vector<PicturePair>& pairs, int size) {
     py::array_t<uint8_t> images({n, py::ssize_t{2}, s, s, py::ssize_t{3}}), masks({n, py::ssize_t{2}, q, s, s}),
         kinds({n, py::ssize_t{2}, q}), change({n});
     py::array_t<int16_t> said({n, py::ssize_t{2}, py::ssize_t{3}}), truth({n, py::ssize_t{2}, py::ssize_t{3}});
-    py::array_t<float> colour_share({n, py::ssize_t{2}});
+    py::array_t<float> shares({n, py::ssize_t{2}, py::ssize_t{4}});
+    py::array_t<uint64_t> beside({n, py::ssize_t{2}, py::ssize_t{3}});
     py::list captions, queries, specs;
     for (py::ssize_t i = 0; i < n; ++i) {
         const PicturePair& pair = pairs[static_cast<size_t>(i)];
@@ -70,7 +74,9 @@ py::dict to_dict(const std::vector<PicturePair>& pairs, int size) {
                 texts.append(query.text);
             }
             both.append(texts);
-            colour_share.mutable_at(i, k) = p.colour_share;
+            const float four[] = {p.shares.picture, p.shares.objects, p.shares.colour, p.shares.material};
+            std::memcpy(shares.mutable_data(i, k, 0), four, sizeof four);
+            std::memcpy(beside.mutable_data(i, k, 0), p.beside.data(), sizeof p.beside);
             for (py::ssize_t j = 0; j < 3; ++j) {
                 said.mutable_at(i, k, j) = p.said[static_cast<size_t>(j)];
                 truth.mutable_at(i, k, j) = p.truth[static_cast<size_t>(j)];
@@ -86,7 +92,8 @@ py::dict to_dict(const std::vector<PicturePair>& pairs, int size) {
     batch["change"] = change;
     batch["attributes"] = said;
     batch["truth"] = truth;
-    batch["colour_share"] = colour_share;
+    batch["shares"] = shares;
+    batch["beside"] = beside;
     batch["queries"] = queries;
     batch["masks"] = masks;
     batch["query_kinds"] = kinds;

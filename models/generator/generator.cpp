@@ -1,7 +1,6 @@
 #include "models/generator/generator.h"
 
 #include <algorithm>
-
 #include <stdexcept>
 
 namespace fieldgraft::generator {
@@ -55,7 +54,7 @@ PicturePair Generator::make(uint64_t index) const {
 }
 
 bool Generator::try_make(Rng rng, bool last, PicturePair& result) const {
-    const Pair pair = draw_pair(rng.fork(1), settings_, filter_);
+    Pair pair = draw_pair(rng.fork(1), settings_, filter_);
     result.change = pair.change;
     const World worlds[2] = {build_world(pair.scene[0]), build_world(pair.scene[1])};
     // Both are seen by the same camera, which has what the captions speak of in view.
@@ -68,9 +67,26 @@ bool Generator::try_make(Rng rng, bool last, PicturePair& result) const {
         if (!visible && !last) return false;
     }
     visible = visible && change_is_visible(result.pictures[0].frame, result.pictures[1].frame);
+    visible = only_what_shows(pair, worlds, result) && visible;
     if (!visible && !last) return false;
     for (int k = 0; k < 2; ++k) describe(pair, k, worlds[k], rng.fork(2), result.pictures[k]);
     return visible;
+}
+
+bool Generator::only_what_shows(Pair& pair, const World (&worlds)[2], const PicturePair& pictures) const {
+    if (settings_.stated_share <= 0) return true;
+    bool colour = true, material = true;
+    for (int k = 0; k < 2; ++k) {
+        const Shares shares = Sight(pair.scene[k], worlds[k], pictures.pictures[k].frame).main_shares();
+        colour = colour && (pair.scene[k].objects[0].colour < 0 || shares.colour >= settings_.stated_share);
+        material = material && shares.material >= settings_.stated_share;
+    }
+    const bool about_material = pair.change == Change::kMaterial || pair.change == Change::kAddition;
+    if (!colour && pair.plan.colour && (pair.change == Change::kColour || about_material)) return false;
+    if (!material && pair.plan.material && about_material) return false;
+    pair.plan.colour = pair.plan.colour && colour;
+    pair.plan.material = pair.plan.material && material;
+    return caption(pair.scene[0], pair.plan, settings_) != caption(pair.scene[1], pair.plan, settings_);
 }
 
 void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, Picture& picture) const {
@@ -82,12 +98,8 @@ void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, P
     picture.truth = {static_cast<int16_t>(main.shape), static_cast<int16_t>(main.material),
                      static_cast<int16_t>(main.colour)};
     const Sight sight(spec, world, picture.frame);
-    const Wanted whole{.shape = main.shape, .material = main.material, .colour = main.colour};
-    Wanted painted = whole;
-    painted.piece_colour = main.colour;
-    if (main.colour >= 0)
-        picture.colour_share =
-            static_cast<float>(sight.samples(painted)) / static_cast<float>(std::max(1, sight.samples(whole)));
+    picture.shares = sight.main_shares();
+    picture.beside = sight.beside();
     picture.queries = draw_queries(spec, sight, settings_, filter_, rng);
 }
 

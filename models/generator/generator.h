@@ -17,8 +17,9 @@ struct Picture {
     Frame frame;
     std::string caption, spec;
     std::array<int16_t, 3> said{}, truth{};  // shape, material, colour of the main object; −1: not said, none
-    float colour_share = 0;      // of the main object's visible samples: how much of it is painted with its colour
-    std::vector<Query> queries;  // kQueries of them
+    Shares shares;                           // of what is seen of the main object
+    std::array<uint64_t, 3> beside{};  // shape, material, colour words of the other clearly visible objects, as bits
+    std::vector<Query> queries;        // kQueries of them
 };
 
 struct PicturePair {
@@ -37,6 +38,8 @@ class Generator {
   private:
     // Draws and renders one candidate; false if the main object or the change is hardly visible.
     bool try_make(Rng rng, bool last, PicturePair& result) const;
+    // Takes words out of the plan that the pictures do not bear out; false where the change hangs on them.
+    bool only_what_shows(Pair& pair, const World (&worlds)[2], const PicturePair& pictures) const;
     void describe(const Pair& pair, int k, const World& world, Rng rng, Picture& picture) const;
 
     Rng stream_;

@@ -76,7 +76,7 @@ class Asker {
         w.shape = o.shape;
         std::string text = noun(o.shape, false, rng_.chance(0.12f), rng_.fork(1));
         const float form = rng_.uniform();
-        if (form > 0.45f && o.colour >= 0) {
+        if (form > 0.45f && o.colour >= 0 && sight_.colour_share(o) >= settings_.stated_share) {
             w.colour = o.colour;
             text = std::string(colour_name(o.colour)) + " " + text;
         }

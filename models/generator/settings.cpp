@@ -29,6 +29,7 @@ const std::vector<Entry>& entries() {
         {"clutter", &Settings::clutter, 0, 1},
         {"alike", &Settings::alike, 0, 1},
         {"primitive_tumbles", &Settings::primitive_tumbles, 0, 1},
+        {"stated_share", &Settings::stated_share, 0, 1},
         {"say_ground", &Settings::say_ground, 0, 1},
         {"say_part", &Settings::say_part, 0, 1},
         {"synonym", &Settings::synonym, 0, 1},

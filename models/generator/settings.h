@@ -22,6 +22,8 @@ struct Settings {
     float alike = 0.0f;  // second objects and clutter in the main object's colour, as far as combinations allow
     float primitive_tumbles = 0.25f;
     // Captions.
+    // A colour or material is said of an object only if at least this share of what is seen of it shows it.
+    float stated_share = 0.0f;
     float say_ground = 0.12f, say_part = 0.3f, synonym = 0.12f, bare = 0.08f, prefix = 0.35f;
     // Queries.
     float shape_for_shape = 0.0f;  // of the absent ones: a seen colour with a shape that is not there

@@ -54,6 +54,7 @@ bool Sight::matches(const Primitive& p, const Wanted& w) const {
     if (w.material >= 0 && o.material != w.material) return false;
     if (w.colour >= 0 && o.colour != w.colour) return false;
     if (w.part >= 0 && p.part != w.part) return false;
+    if (w.piece_material >= 0 && paint(p).material != w.piece_material && p.layer != Layer::kFlame) return false;
     if (w.piece_colour >= 0 && (paint(p).colour != w.piece_colour || p.layer == Layer::kFlame)) return false;
     return true;
 }
@@ -91,6 +92,41 @@ int Sight::snow_pixels() const {
     int count = 0;
     for (const uint8_t s : frame_.snow) count += s;
     return count;
+}
+
+float Sight::colour_share(const WorldObject& o) const {
+    Wanted w{.shape = o.shape, .material = o.material, .colour = o.colour};
+    const int all = samples(w);
+    w.piece_colour = o.colour;
+    return o.colour >= 0 ? static_cast<float>(samples(w)) / static_cast<float>(std::max(1, all)) : 0.0f;
+}
+
+Shares Sight::main_shares() const {
+    const WorldObject& main = world_.objects[0];
+    Wanted own{.shape = main.shape, .material = main.material, .colour = main.colour};
+    const auto whole = static_cast<float>(std::max(1, samples(own)));
+    Shares shares;
+    shares.picture = static_cast<float>(samples(own)) / static_cast<float>(frame_.visible.size());
+    shares.objects = static_cast<float>(samples(own)) / static_cast<float>(std::max(1, samples({})));
+    shares.colour = colour_share(main);
+    own.piece_material = main.material;
+    shares.material = static_cast<float>(samples(own)) / whole;
+    return shares;
+}
+
+std::array<uint64_t, 3> Sight::beside() const {
+    std::vector<int> count(world_.objects.size(), 0);
+    for (size_t i = 0; i < seen_.size(); ++i) count[static_cast<size_t>(world_.primitives[i].object)] += seen_[i];
+    std::array<uint64_t, 3> words{};
+    const auto add = [](uint64_t& mask, int word) { mask |= word >= 0 ? uint64_t{1} << word : 0; };
+    for (size_t i = 1; i < count.size(); ++i) {
+        const WorldObject& o = world_.objects[i];
+        if (o.ground || count[i] * 4 < count[0] || count[i] == 0) continue;
+        add(words[0], o.shape);
+        add(words[1], o.material);
+        add(words[2], o.colour);
+    }
+    return words;
 }
 
 std::vector<const Primitive*> Sight::seen(bool by_part) const {

@@ -2,6 +2,7 @@
 // which words could be disputed.
 #pragma once
 
+#include <array>
 #include <cstdint>
 #include <vector>
 
@@ -15,7 +16,14 @@ namespace fieldgraft::generator {
 struct Wanted {
     int shape = -1, material = -1, colour = -1, part = -1;
     int piece_colour = -1;  // the colour of the piece itself, not of the object it belongs to
+    int piece_material = -1;
     bool ground = false, addition = false, snow = false, flames = false;
+};
+
+// Of what is seen of the main object: its share of the picture and of all objects, and how much of it has the colour
+// and the material that it is called by.
+struct Shares {
+    float picture = 0, objects = 0, colour = 0, material = 0;
 };
 
 class Sight {
@@ -39,6 +47,12 @@ class Sight {
         return std::vector<uint8_t>(static_cast<size_t>(frame_.size * frame_.size), 0);
     }
     int snow_pixels() const;
+    Shares main_shares() const;
+    // How much of what is seen of the object with this paint's owner is painted in the colour it is called by.
+    float colour_share(const WorldObject& o) const;
+    // Shapes, materials and colours (bit masks) of the other objects that show at least a quarter of the main one's
+    // samples: words that fit the picture as well.
+    std::array<uint64_t, 3> beside() const;
 
     // One seen primitive of each object, or of each part of each object, without ground and flames.
     std::vector<const Primitive*> seen(bool by_part) const;

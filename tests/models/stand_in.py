@@ -47,6 +47,7 @@ class Generator:
             "change": np.zeros(n, np.uint8),
             "attributes": attributes,
             "truth": truth,
+            "beside": np.zeros((n, 2, 3), np.uint64),
             "queries": queries,
             "masks": masks,
             "query_kinds": kinds,

@@ -182,7 +182,7 @@ def test_the_share_of_an_object_in_its_colour(module: Any, batch: dict[str, Any]
     for i, pair in enumerate(scenes(batch)):
         for k, scene in enumerate(pair):
             main = scene["objects"][0]
-            share = float(batch["colour_share"][i, k])
+            share = float(batch["shares"][i, k, 2])
             assert 0 <= share <= 1
             if main["colour"] is None:
                 assert share == 0
@@ -194,6 +194,44 @@ def test_the_share_of_an_object_in_its_colour(module: Any, batch: dict[str, Any]
                 some.append(share)
     assert len(whole) > 10 and min(whole) == 1
     assert len(some) > 10 and np.mean(some) < 0.9
+
+
+def test_training_captions_say_only_what_shows(module: Any) -> None:
+    """With `stated_share`, a colour or material that most of the object does not show is not said of it."""
+    least = data.TRUE["stated_share"]
+    words = module.Generator.vocabulary()
+
+    def unfounded(settings: str) -> tuple[int, int]:
+        batch = module.Generator(6, "train", 64, settings).batch(400)
+        said, shares = batch["attributes"], batch["shares"]
+        wrong = ((said[..., 2] >= 0) & (shares[..., 2] < least)) | (
+            (said[..., 1] >= 0) & (said[..., 1] != words["materials"].index("plain")) & (shares[..., 3] < least)
+        )
+        return int(wrong.sum()), int((said[..., 2] >= 0).sum())
+
+    (before, _), (after, coloured) = unfounded(""), unfounded(json.dumps(data.TRUE))
+    assert before > 30
+    assert after <= 2  # the last of twelve candidates is taken as it is
+    assert coloured > 400  # it does not just stop naming colours
+
+
+def test_shares_and_what_stands_beside(module: Any, batch: dict[str, Any]) -> None:
+    words = module.Generator.vocabulary()
+    alone, crowded = 0, 0
+    for i, pair in enumerate(scenes(batch)):
+        for k, scene in enumerate(pair):
+            of_picture, of_objects, _, material = batch["shares"][i, k]
+            assert 0 <= of_picture <= of_objects <= 1
+            assert 0 <= material <= 1
+            others = {words["shapes"].index(o["shape"]) for o in scene["objects"][1:]}
+            beside = {s for s in range(len(words["shapes"])) if int(batch["beside"][i, k, 0]) >> s & 1}
+            assert beside <= others
+            crowded += bool(beside)
+            if len(scene["objects"]) == 1:
+                assert of_objects == pytest.approx(1)
+                alone += 1
+    assert alone > 50
+    assert crowded > 20
 
 
 def test_absent_things_are_absent(module: Any, batch: dict[str, Any]) -> None:
