@@ -31,6 +31,18 @@ void set_paper_hash(EditSpec& spec) {
     spec.resolutions = {16, 32, 64, 128};
 }
 
+bool removes_only(const Operations& operations) {
+    return operations.remove && !operations.add && !operations.change;
+}
+
+// What goes is the region, and the region is known: the guide, asked as loudly as for paint, held on to corners of a
+// plate, and a limit on the removed area held back as hard as the region pulled.
+void set_builtin_removal(EditSpec& spec) {
+    spec.weights["dir"] = 0.3;
+    spec.weights["global"] = 0.05;
+    spec.weights["opacity"] = 0.5;
+}
+
 void set_builtin(EditSpec& spec) {
     spec.weights = {{"dir", 2},    {"global", 0.25}, {"global_edit", 0}, {"region", 1},
                     {"inside", 1}, {"opacity", 2},   {"reg", 0.5},       {"smooth", 0.1}};
@@ -41,6 +53,7 @@ void set_builtin(EditSpec& spec) {
     if (!spec.operations.add && !spec.operations.remove) spec.weights["inside"] = 0.6;
     // Less leaves blotches of whatever colour the guide mistakes for the target.
     if (spec.operations.add || spec.operations.change) spec.weights["smooth"] = 0.5;
+    if (removes_only(spec.operations)) set_builtin_removal(spec);
     spec.region_fusion = RegionFusion::fused;
     spec.confine = true;
     // The fused vote knows the border better than one view's mask, which the paper's 3 and 10 dilations are for.
@@ -51,6 +64,7 @@ void set_builtin(EditSpec& spec) {
     spec.camera_pool = 96;
     spec.removed = RemovedMap::visible;
     spec.resolutions = {8, 16, 32};
+    if (removes_only(spec.operations)) spec.resolutions.push_back(64);
     // At 1e-2 a β that starts at 0.02 reached a quarter in 120 iterations: too little to be seen.
     spec.learning_rate = 2e-2;
     spec.learning_rate_end = 2e-3;

@@ -15,9 +15,11 @@ namespace fieldgraft {
 namespace {
 
 constexpr int grid_resolution = 96, volume_resolution = 64, survey_size = 128;
-constexpr int ball_resolution = 128;    // the field's own: coarser cells show in the outline of what is added
-constexpr double user_vote = 5;         // a user's mask against one view of the segmenter
-constexpr double hull_share = 0.7;      // of the views that see a cell
+constexpr int ball_resolution = 128;  // the field's own: coarser cells show in the outline of what is added
+constexpr double user_vote = 5;       // a user's mask against one view of the segmenter
+constexpr double hull_share = 0.7;    // of the views that see a cell
+constexpr double like_colour = 0.1;   // how far apart two cells' colours may be that are likely of one thing
+constexpr int agreement_rounds = 24;
 constexpr int inner_layers = 4;         // how far scores reach into what no view sees
 constexpr double core_share = 0.7;      // of the core's score: where the region ends
 constexpr double speck_share = 0.02;    // of the largest piece's cells: smaller pieces are one view's noise
@@ -56,7 +58,8 @@ class Survey {
     // `value`: H×W, how much each pixel says it is the region.
     void vote(SurveyView view, const Tensor& value, double strength) {
         const Tensor flat = value.reshape(-1).to(at::kFloat);
-        votes_.add(view.base.samples.positions, flat.index_select(0, view.base.samples.ray), view.weight * strength);
+        votes_.add(view.base.samples.positions, flat.index_select(0, view.base.samples.ray), view.weight * strength,
+                   view.base.color);
         const Tensor object = view.opacity > 0.5;
         object_pixels_ += object.sum().item<double>();
         region_pixels_ += (flat > 0.5).logical_and(object).sum().item<double>();
@@ -68,6 +71,7 @@ class Survey {
         views_.push_back({view.camera, dilate(value > 0.5, radius), {}});
     }
 
+    VoteGrid& votes() { return votes_; }
     const VoteGrid& votes() const { return votes_; }
     double share() const { return object_pixels_ > 0 ? region_pixels_ / object_pixels_ : 0; }
     double region_pixels() const { return region_pixels_; }
@@ -180,6 +184,7 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
     Survey survey(base, spec);
     if (spec.region_source != RegionSource::masks) ask_segmenter(survey, guide, spec, cameras, reporter);
     if (!spec.masks.empty()) ask_masks(survey, spec, scene);
+    if (spec.region_source != RegionSource::masks) survey.votes().agree_by_colour(like_colour, agreement_rounds);
     region.score = survey.votes().score(inner_layers);
     if (spec.region_source != RegionSource::masks) {
         const double surest = region.score.max().item<double>();

@@ -9,6 +9,9 @@ namespace fieldgraft {
 
 namespace {
 
+// A cell that hardly anything was seen of says as little as one that was not seen.
+constexpr float least_weight = 0.05f;
+
 void check_points(const Tensor& points) {
     if (!points.defined() || points.dim() != 2 || points.size(1) != 3)
         throw std::invalid_argument("vote grid: points must be N×3");
@@ -101,25 +104,58 @@ VoteGrid::VoteGrid(const FieldGeometry& geometry, int resolution) : geometry_(ge
         throw std::invalid_argument(fmt::format("VoteGrid: resolution {}", resolution));
     votes_ = at::zeros({resolution, resolution, resolution});
     weight_ = at::zeros_like(votes_);
+    colours_ = at::zeros({votes_.numel(), 3});
 }
 
-void VoteGrid::add(const Tensor& points, const Tensor& votes, const Tensor& weights) {
+void VoteGrid::add(const Tensor& points, const Tensor& votes, const Tensor& weights, const Tensor& colours) {
     check_points(points);
     if (votes.sizes() != weights.sizes() || votes.dim() != 1 || votes.size(0) != points.size(0))
         throw std::invalid_argument("VoteGrid::add: votes and weights must be N, like the points");
+    if (colours.dim() != 2 || colours.size(0) != points.size(0) || colours.size(1) != 3)
+        throw std::invalid_argument("VoteGrid::add: colours must be N×3");
     const Tensor flat = cell_of(geometry_, resolution_, points);
     const Tensor kept = (flat >= 0).nonzero().squeeze(1);
     const Tensor index = flat.index_select(0, kept);
     const Tensor weight = weights.index_select(0, kept).to(at::kFloat);
     weight_.view(-1).index_add_(0, index, weight);
+    colours_.index_add_(0, index, weight.unsqueeze(1) * colours.index_select(0, kept).to(at::kFloat));
     votes_.view(-1).index_add_(0, index, weight * votes.index_select(0, kept).to(at::kFloat));
 }
 
+void VoteGrid::agree_by_colour(double tolerance, int rounds) {
+    const Tensor cells = (weight_.view(-1) > least_weight).nonzero().squeeze(1);
+    const std::int64_t count = cells.size(0);
+    if (count == 0) return;
+    const Tensor weight = weight_.view(-1).index_select(0, cells);
+    const Tensor colour = colours_.index_select(0, cells) / weight.unsqueeze(1);
+    const Tensor own = votes_.view(-1).index_select(0, cells) / weight;
+    // The place of each seen cell in `cells`, in a grid with a border; −1: not seen.
+    const std::int64_t r = resolution_, wide = r + 2;
+    Tensor place = at::full({wide * wide * wide}, -1, at::kLong);
+    const Tensor z = cells.floor_divide(r * r), y = cells.floor_divide(r).remainder(r), x = cells.remainder(r);
+    const Tensor bordered = ((z + 1) * wide + y + 1) * wide + x + 1;
+    place.index_put_({bordered}, at::arange(count, at::kLong));
+    std::vector<Tensor> neighbours, likeness;
+    for (std::int64_t offset = 0; offset < 27; ++offset) {
+        if (offset == 13) continue;
+        const std::int64_t step = ((offset / 9 - 1) * wide + offset / 3 % 3 - 1) * wide + offset % 3 - 1;
+        const Tensor next = place.index_select(0, bordered + step), seen = next >= 0;
+        const Tensor at_next = next.clamp_min(0);
+        const Tensor apart = (colour - colour.index_select(0, at_next)).square().sum(1);
+        neighbours.push_back(at_next);
+        likeness.push_back(2.0 * (apart * (-0.5 / (tolerance * tolerance))).exp() * seen);
+    }
+    const Tensor index = at::stack(neighbours, 1).reshape(-1), k = at::stack(likeness, 1);
+    const Tensor total = 1 + k.sum(1);
+    Tensor score = own;
+    for (int round = 0; round < rounds; ++round)
+        score = (own + (k * score.index_select(0, index).reshape({count, -1})).sum(1)) / total;
+    votes_.view(-1).index_put_({cells}, score * weight);
+}
+
 Tensor VoteGrid::score(int reach) const {
-    // A cell that hardly anything was seen of says as little as one that was not seen.
-    constexpr float least = 0.05f;
-    Tensor known = (weight_ > least).to(at::kFloat);
-    Tensor score = votes_ / weight_.clamp_min(least) * known;
+    Tensor known = (weight_ > least_weight).to(at::kFloat);
+    Tensor score = votes_ / weight_.clamp_min(least_weight) * known;
     for (int layer = 0; layer < reach; ++layer) {
         const Tensor count = neighbourhood_sum(known);
         const Tensor fresh = (count > 0.5).logical_and(known < 0.5).to(at::kFloat);

@@ -35,8 +35,12 @@ class VoteGrid {
   public:
     VoteGrid(const FieldGeometry& geometry, int resolution);
 
-    // votes and weights: N; points outside the box are ignored.
-    void add(const Tensor& points, const Tensor& votes, const Tensor& weights);
+    // votes and weights: N, colours: N×3; points outside the box are ignored.
+    void add(const Tensor& points, const Tensor& votes, const Tensor& weights, const Tensor& colours);
+    // Lets neighbouring cells of like colour agree: s ← (s⁰ + Σ k s') / (1 + Σ k) over the 26 neighbours that were
+    // seen, k = 2 exp(−|c − c'|² / 2 tolerance²), `rounds` times. A view's mask is coarse and its errors hang together;
+    // things mostly end where their colour does (after the fully connected CRFs of Krähenbühl and Koltun, 2011).
+    void agree_by_colour(double tolerance, int rounds);
     // R×R×R in [0, 1]; 0 where neither a vote nor `reach` layers of neighbours say anything.
     Tensor score(int reach) const;
     // Σ w of every cell.
@@ -47,6 +51,7 @@ class VoteGrid {
     FieldGeometry geometry_;
     int resolution_;
     Tensor votes_, weight_;  // R³ float32
+    Tensor colours_;         // R³×3, Σ w c
 };
 
 }  // namespace fieldgraft

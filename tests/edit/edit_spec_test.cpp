@@ -121,6 +121,15 @@ TEST(EditSpec, PlacementFollowsTheWords) {
     EXPECT_EQ(spec.resolved_placement(), Placement::above);
 }
 
+// A removal knows its region; the guide has less of a say than where it must say what to paint.
+TEST(EditSpec, RemovalAloneAsksTheGuideLess) {
+    const EditSpec alone = valid_spec("remove"), both = valid_spec("remove,change");
+    EXPECT_LT(alone.weight("dir"), both.weight("dir"));
+    // An inner pixel that is not removed yet must feel more pull than push: 2 (1 - 0) against the limit's weight.
+    EXPECT_LT(alone.weight("opacity"), 2 * alone.weight("region") * alone.weight("inside"));
+    EXPECT_EQ(valid_spec("remove", "paper-hash").weight("dir"), valid_spec("change", "paper-hash").weight("dir"));
+}
+
 TEST(EditPlan, HoldsWhatTheOperationsNeedAndNothingElse) {
     const EditPlan change = EditPlan::compile(valid_spec("change"));
     EXPECT_EQ(change.heads, (std::vector<std::string>{"color_e", "beta_color"}));

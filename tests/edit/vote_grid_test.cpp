@@ -35,23 +35,56 @@ TEST(VoteGrid, TrilinearLookUpIsExactForALinearFunction) {
 TEST(VoteGrid, ViewsOutvoteOneAnother) {
     VoteGrid votes(box(), 4);
     const Tensor point = at::zeros({1, 3}) + at::tensor({0.1f, 0.1f, 0.1f});
-    for (int view = 0; view < 5; ++view) votes.add(point, at::full({1}, view < 4 ? 1.0f : 0.0f), at::full({1}, 0.5f));
+    for (int view = 0; view < 5; ++view)
+        votes.add(point, at::full({1}, view < 4 ? 1.0f : 0.0f), at::full({1}, 0.5f), at::ones({1, 3}));
     EXPECT_NEAR(votes.score(0).max().item<float>(), 0.8f, 1e-6);
     EXPECT_NEAR(votes.weight().sum().item<float>(), 2.5f, 1e-6);
-    EXPECT_THROW(votes.add(point, at::ones({2}), at::ones({2})), std::invalid_argument);
+    EXPECT_THROW(votes.add(point, at::ones({2}), at::ones({2}), at::ones({1, 3})), std::invalid_argument);
+    EXPECT_THROW(votes.add(point, at::ones({1}), at::ones({1}), at::ones({1})), std::invalid_argument);
 }
 
 TEST(VoteGrid, UnseenCellsTakeTheirNeighboursScores) {
     VoteGrid votes(box(), 8);
     const Tensor centres = cell_centres(box(), 8);
     const Tensor seen = centres.select(1, 2) < 1;  // the lowest layer
-    votes.add(centres.index({seen}), (centres.index({seen}).select(1, 0) > 0).to(at::kFloat), at::ones({64}));
+    votes.add(centres.index({seen}), (centres.index({seen}).select(1, 0) > 0).to(at::kFloat), at::ones({64}),
+              at::ones({64, 3}));
     EXPECT_EQ(votes.score(0).slice(0, 1).sum().item<float>(), 0.0f);
     const Tensor reached = votes.score(2);
     EXPECT_GT(reached[2][4][6].item<float>(), 0.9f);
     EXPECT_LT(reached[2][4][1].item<float>(), 0.1f);
     EXPECT_EQ(reached[3].sum().item<float>(), 0.0f);
     EXPECT_LE(reached.max().item<float>(), 1.0f);
+}
+
+// A tan plate, votes 1, and a black block on it, votes 0; the block's lowest layer is mistaken for the plate.
+TEST(VoteGrid, CellsOfLikeColourAgree) {
+    const Tensor centres = cell_centres(box(), 12);
+    const Tensor layer = cell_of(box(), 12, centres).floor_divide(144);
+    const Tensor plate = layer < 2, block = layer.greater_equal(2).logical_and(layer < 8);
+    const Tensor seen = plate.logical_or(block);
+    const Tensor voted = (layer < 3).to(at::kFloat);
+    const Tensor colours = plate.to(at::kFloat).unsqueeze(1) * at::tensor({0.8f, 0.7f, 0.5f});
+    VoteGrid votes(box(), 12), flat(box(), 12);
+    votes.add(centres.index({seen}), voted.index({seen}), at::ones({8 * 144}), colours.index({seen}));
+    votes.agree_by_colour(0.1, 24);
+    const Tensor score = votes.score(0);
+    EXPECT_GT(score.slice(0, 0, 2).min().item<float>(), 0.999f);
+    EXPECT_LT(score[2].max().item<float>(), 0.6f);  // was 1
+    EXPECT_LT(score.slice(0, 4, 8).max().item<float>(), 0.3f);
+    EXPECT_EQ(score.slice(0, 8).abs().max().item<float>(), 0.0f);
+    EXPECT_NEAR(votes.weight().sum().item<float>(), 8 * 144, 1e-2);
+    // Of one colour, the same votes are only smoothed: they stay within what was voted, highest where it was.
+    flat.add(centres.index({seen}), voted.index({seen}), at::ones({8 * 144}), at::zeros({8 * 144, 3}));
+    flat.agree_by_colour(0.1, 24);
+    EXPECT_GT(flat.score(0)[2].min().item<float>(), flat.score(0)[3].max().item<float>());
+    EXPECT_LE(flat.score(0).max().item<float>(), 1.0f);
+    // Nothing to agree on, nobody to agree with.
+    VoteGrid(box(), 4).agree_by_colour(0.1, 3);
+    VoteGrid lone(box(), 4);
+    lone.add(at::zeros({1, 3}) + 0.1, at::full({1}, 0.7f), at::ones({1}), at::zeros({1, 3}));
+    lone.agree_by_colour(0.1, 3);
+    EXPECT_NEAR(lone.score(0).max().item<float>(), 0.7f, 1e-6);
 }
 
 TEST(VoteGrid, TheBorderFollowsTheCore) {
