@@ -12,7 +12,8 @@ The test's captions say what the scene is, whether or not the picture shows it (
 all of other colours; the smaller of two things side by side), and its settings are frozen. So each attribute is also
 counted over the pictures that can tell it (`told`): the main object fills a twentieth of the picture and three
 quarters of what is seen of all objects, and half of what is seen of it is painted in the colour (and not under rust,
-moss, snow or fire) or made of the material in question. `shape_alone` and `colour_alone` count pictures of one plain object with nothing beside it.
+moss, snow or fire) or made of the material in question.
+`shape_alone` and `colour_alone` count pictures of one plain object with nothing beside it.
 """
 
 from __future__ import annotations

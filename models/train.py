@@ -262,7 +262,7 @@ def parse() -> argparse.Namespace:
         help="blocks of the trunk's four layers, four numbers separated by commas; a resumed smaller trunk grows",
     )
     parser.add_argument("--fresh", action="store_true", help="ignore the checkpoint")
-    parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: the generator's own, true captions")
+    parser.add_argument("--settings", type=Path, help="generator settings (JSON); default: its own, true captions")
     parser.add_argument("--checkpoints", type=Path, default=ROOT / "models" / "checkpoints")
     parser.add_argument("--check-minutes", type=float, default=4.0, help="minutes between held-out checks; 0: none")
     parser.add_argument("--snapshots", type=Path, help="export here while stages 2 and 3 run")

@@ -182,9 +182,11 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
     region.centre = base.geometry().centre;
     if (!plan.region_grid) return region;
     Survey survey(base, spec);
-    if (spec.region_source != RegionSource::masks) ask_segmenter(survey, guide, spec, cameras, reporter);
+    if (spec.region_source != RegionSource::masks) {
+        ask_segmenter(survey, guide, spec, cameras, reporter);
+        survey.votes().agree_by_colour(like_colour, agreement_rounds);
+    }
     if (!spec.masks.empty()) ask_masks(survey, spec, scene);
-    if (spec.region_source != RegionSource::masks) survey.votes().agree_by_colour(like_colour, agreement_rounds);
     region.score = survey.votes().score(inner_layers);
     if (spec.region_source != RegionSource::masks) {
         const double surest = region.score.max().item<double>();
