@@ -184,7 +184,8 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
     Survey survey(base, spec);
     if (spec.region_source != RegionSource::masks) {
         ask_segmenter(survey, guide, spec, cameras, reporter);
-        survey.votes().agree_by_colour(like_colour, agreement_rounds);
+        // What goes has to end where the thing ends; paint may be asked for too widely, the text still decides where.
+        if (plan.operations.remove) survey.votes().agree_by_colour(like_colour, agreement_rounds);
     }
     if (!spec.masks.empty()) ask_masks(survey, spec, scene);
     region.score = survey.votes().score(inner_layers);
