@@ -229,6 +229,9 @@ TARGETS = {
     "colour": 0.92,
     "material": 0.80,
     "shape": 0.85,
+    "colour_told": 0.92,
+    "material_told": 0.80,
+    "shape_told": 0.85,
     "iou_objects": 0.65,
     "iou_parts": 0.40,
     "iou_ground": 0.40,
@@ -270,6 +273,10 @@ side; embeddings of {config["projection_dim"]}; segmenter: FiLM pyramid of width
 
 {pictures} generated pictures whose (shape, material, colour) combinations never occur in training; zero-shot by text.
 `python models/evaluate.py models/{name} --pictures {pictures}` prints them again.
+The test is frozen, and its captions say what a scene is even where the picture does not show it: "a blue stool" with a
+pink seat and yellow legs, the smaller of two things side by side. `_told` counts the pictures that can tell: the main
+object fills {TOLD["picture"]:.0%} of the picture and {TOLD["objects"]:.0%} of all objects' pixels, and {TOLD["attribute"]:.0%} of it shows the colour or material.
+`_alone` counts single plain objects with nothing beside them.
 
 | figure | measured | aim |
 |---|---|---|
