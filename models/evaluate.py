@@ -275,7 +275,8 @@ side; embeddings of {config["projection_dim"]}; segmenter: FiLM pyramid of width
 `python models/evaluate.py models/{name} --pictures {pictures}` prints them again.
 The test is frozen, and its captions say what a scene is even where the picture does not show it: "a blue stool" with a
 pink seat and yellow legs, the smaller of two things side by side. `_told` counts the pictures that can tell: the main
-object fills {TOLD["picture"]:.0%} of the picture and {TOLD["objects"]:.0%} of all objects' pixels, and {TOLD["attribute"]:.0%} of it shows the colour or material.
+object fills {TOLD["picture"]:.0%} of the picture and {TOLD["objects"]:.0%} of all objects' pixels, and \
+{TOLD["attribute"]:.0%} of it shows the colour or material.
 `_alone` counts single plain objects with nothing beside them.
 
 | figure | measured | aim |

@@ -31,8 +31,8 @@ from workers import GOING
 # A query's chance by kind: object, part, ground, absent, attribute only, photo, addition.
 QUERY_WEIGHTS = (1.0, 1.4, 1.6, 1.2, 0.6, 1.2, 1.0)
 QUERIES = 0.6  # queries a picture and step
-WARP = {1: 0.5, 2: 0.6, 3: 0.7}
-PLAIN_STEPS = {1: 0.8, 2: 0.5, 3: 0.3}  # share of the steps whose pictures are not augmented
+WARP = {1: 0.5, 2: 0.6, 3: 0.6}
+PLAIN_STEPS = {1: 0.8, 2: 0.5, 3: 0.5}  # share of the steps whose pictures are not augmented
 WORD_STEPS = {1: 4, 2: 2, 3: 2}  # the words are embedded anew every so many steps; between them pictures learn alone
 DECODER_SHARE = {2: 0.3, 3: 0.3}  # how much of the segmenter's gradient reaches the towers
 AVERAGE = 0.998

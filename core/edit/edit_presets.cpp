@@ -41,6 +41,8 @@ void set_builtin_removal(EditSpec& spec) {
     spec.weights["dir"] = 0.3;
     spec.weights["global"] = 0.05;
     spec.weights["opacity"] = 0.5;
+    spec.weights["region"] = 2;  // outside; inside it stays at 1
+    spec.weights["inside"] = 0.5;
 }
 
 void set_builtin(EditSpec& spec) {

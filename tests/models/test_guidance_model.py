@@ -336,7 +336,8 @@ def test_shipped_figures_hold_on_a_small_held_out_set(name: str) -> None:
     told = ("shape_told", "material_told", "colour_told")
     for key in ("shape", "material", "colour", *told, "iou_objects", "iou_ground", "absent_left_empty"):
         # Three standard errors of a share over the fewest queries or pictures that count (about 60).
-        margin = 3 * math.sqrt(max(stated[key] * (1 - stated[key]), 0.02) / (60 if key.startswith("iou") or key in told else 120))
+        count = 60 if key.startswith("iou") or key in told else 120
+        margin = 3 * math.sqrt(max(stated[key] * (1 - stated[key]), 0.02) / count)
         assert figures[key] >= stated[key] - margin, f"{name}: {key} is {figures[key]:.3f}, the card says {stated[key]}"
 
 
