@@ -302,16 +302,22 @@ EASY = {
 
 # All training pictures: what is said of an object is to be seen on a good part of it. "A blue stool" whose seat and
 # legs have colours of their own, seen from where no blue shows, taught that words mean little.
-TRUE = {"stated_share": 0.35}
+TRUE_CAPTIONS = {"stated_share": 0.35}
 
 # Several things at a time, often of one colour, and questions that colour alone would answer wrongly: what scenes
 # are like. The segmenter that saw few of them took a yellow ring for the yellow monkey beside it.
-CROWDED = {"second_object": 0.35, "several": 0.05, "clutter": 0.6, "alike": 0.4, "shape_for_shape": 0.45} | TRUE
+CROWDED = TRUE_CAPTIONS | {
+    "second_object": 0.35,
+    "several": 0.05,
+    "clutter": 0.6,
+    "alike": 0.4,
+    "shape_for_shape": 0.45,
+}
 
 
 def lesson(level: float) -> str:
     """Generator settings `level` of the way from EASY (0) to the full difficulty (1), as JSON."""
     if level >= 1:
-        return json.dumps(TRUE)
+        return json.dumps(TRUE_CAPTIONS)
     full = json.loads((generator_build.SOURCES / "heldout_settings.json").read_text(encoding="utf-8"))
-    return json.dumps({k: v + (full[k] - v) * level for k, v in EASY.items()} | TRUE)
+    return json.dumps({k: v + (full[k] - v) * level for k, v in EASY.items()} | TRUE_CAPTIONS)

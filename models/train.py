@@ -21,7 +21,7 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from data import CROWDED, ROOT, TRUE, Singles, Stream, lesson, load_generator_module, read_settings
+from data import CROWDED, ROOT, TRUE_CAPTIONS, Singles, Stream, lesson, load_generator_module, read_settings
 from evaluate import card, evaluate, heldout_generator, write_figures
 from folder import load_folder, save_folder
 from losses import HeldOut
@@ -67,7 +67,7 @@ class Run:
     def __init__(self, name: str, args: argparse.Namespace) -> None:
         self.name, self.args, self.plan = name, args, PLANS[name]
         self.folder = args.checkpoints / name
-        settings = read_settings(args.settings) if args.settings else json.dumps(TRUE)
+        settings = read_settings(args.settings) if args.settings else json.dumps(TRUE_CAPTIONS)
         split, seed = self.plan["split"], self.plan["seed"]
         module = load_generator_module()
         resumed = (self.folder / "latest.pt").exists() and (rank() > 0 or not (args.fresh or args.start))

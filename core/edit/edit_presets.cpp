@@ -31,10 +31,6 @@ void set_paper_hash(EditSpec& spec) {
     spec.resolutions = {16, 32, 64, 128};
 }
 
-bool removes_only(const Operations& operations) {
-    return operations.remove && !operations.add && !operations.change;
-}
-
 // What goes is the region, and the region is known: the guide, asked as loudly as for paint, held on to corners of a
 // plate, and a limit on the removed area held back as hard as the region pulled.
 void set_builtin_removal(EditSpec& spec) {
@@ -43,6 +39,7 @@ void set_builtin_removal(EditSpec& spec) {
     spec.weights["opacity"] = 0.5;
     spec.weights["region"] = 2;  // outside; inside it stays at 1
     spec.weights["inside"] = 0.5;
+    spec.resolutions.push_back(64);
 }
 
 void set_builtin(EditSpec& spec) {
@@ -55,7 +52,6 @@ void set_builtin(EditSpec& spec) {
     if (!spec.operations.add && !spec.operations.remove) spec.weights["inside"] = 0.6;
     // Less leaves blotches of whatever colour the guide mistakes for the target.
     if (spec.operations.add || spec.operations.change) spec.weights["smooth"] = 0.5;
-    if (removes_only(spec.operations)) set_builtin_removal(spec);
     spec.region_fusion = RegionFusion::fused;
     spec.confine = true;
     // The fused vote knows the border better than one view's mask, which the paper's 3 and 10 dilations are for.
@@ -66,12 +62,13 @@ void set_builtin(EditSpec& spec) {
     spec.camera_pool = 96;
     spec.removed = RemovedMap::visible;
     spec.resolutions = {8, 16, 32};
-    if (removes_only(spec.operations)) spec.resolutions.push_back(64);
     // At 1e-2 a β that starts at 0.02 reached a quarter in 120 iterations: too little to be seen.
     spec.learning_rate = 2e-2;
     spec.learning_rate_end = 2e-3;
     spec.learning_rate_iterations = 400;
     spec.nominal_iterations = 600;
+    const Operations& on = spec.operations;
+    if (on.remove && !on.add && !on.change) set_builtin_removal(spec);
 }
 
 }  // namespace

@@ -39,13 +39,6 @@ PictureGradients ask_guide(const RenderedEdit& rendered, const FrozenPatch& patc
     return {gradients[0], plan.edit_image ? gradients[1] : Tensor()};
 }
 
-double field_extent(const EditField& edit) {
-    const FieldGeometry& g = edit.geometry();
-    double extent = 0;
-    for (int a = 0; a < 3; ++a) extent = std::max(extent, g.box_max[a] - g.box_min[a]);
-    return extent;
-}
-
 }  // namespace
 
 Tensor draw_background(EditBackground kind, Random& random) {
@@ -98,7 +91,8 @@ StepLosses backward_step(const EditField& edit, const FrozenPatch& patch, const 
     }
     if (plan.has("reg") && position >= spec.reg_from) add("reg", entropy_loss(rendered.added));
     if (plan.has("smooth"))
-        add("smooth", smoothness_loss(edit, patch, smooth_radius * field_extent(edit), smooth_points, random));
+        add("smooth",
+            smoothness_loss(edit, patch, smooth_radius * longest_edge(edit.geometry()), smooth_points, random));
 
     // The guide's gradient enters as a linear term: its own graph is already gone.
     const auto carry = [&](const Tensor& picture, const Tensor& gradient) {

@@ -71,7 +71,7 @@ class Survey {
         views_.push_back({view.camera, dilate(value > 0.5, radius), {}});
     }
 
-    VoteGrid& votes() { return votes_; }
+    void agree_by_colour() { votes_.agree_by_colour(like_colour, agreement_rounds); }
     const VoteGrid& votes() const { return votes_; }
     double share() const { return object_pixels_ > 0 ? region_pixels_ / object_pixels_ : 0; }
     double region_pixels() const { return region_pixels_; }
@@ -185,7 +185,7 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
     if (spec.region_source != RegionSource::masks) {
         ask_segmenter(survey, guide, spec, cameras, reporter);
         // What goes has to end where the thing ends; paint may be asked for too widely, the text still decides where.
-        if (plan.operations.remove) survey.votes().agree_by_colour(like_colour, agreement_rounds);
+        if (plan.operations.remove) survey.agree_by_colour();
     }
     if (!spec.masks.empty()) ask_masks(survey, spec, scene);
     region.score = survey.votes().score(inner_layers);

@@ -26,9 +26,9 @@ struct TrainState {
 
 // `run` says what is being trained (options, number of images …); a checkpoint of another run is refused.
 void save_checkpoint(const std::filesystem::path& path, const TrainState& state, const Json& run);
-// Throws InputError.
 // The configuration of the field in a checkpoint. Throws InputError: not a checkpoint.
 HashFieldConfig checkpoint_field(const std::filesystem::path& path);
+// Throws InputError.
 void load_checkpoint(const std::filesystem::path& path, TrainState& state, const Json& run);
 
 }  // namespace fieldgraft

@@ -67,17 +67,20 @@ bool Generator::try_make(Rng rng, bool last, PicturePair& result) const {
         if (!visible && !last) return false;
     }
     visible = visible && change_is_visible(result.pictures[0].frame, result.pictures[1].frame);
-    visible = only_what_shows(pair, worlds, result) && visible;
+    const Sight sights[2] = {{pair.scene[0], worlds[0], result.pictures[0].frame},
+                             {pair.scene[1], worlds[1], result.pictures[1].frame}};
+    for (int k = 0; k < 2; ++k) result.pictures[k].shares = sights[k].main_shares();
+    visible = only_what_shows(pair, result) && visible;
     if (!visible && !last) return false;
-    for (int k = 0; k < 2; ++k) describe(pair, k, worlds[k], rng.fork(2), result.pictures[k]);
+    for (int k = 0; k < 2; ++k) describe(pair, k, sights[k], rng.fork(2), result.pictures[k]);
     return visible;
 }
 
-bool Generator::only_what_shows(Pair& pair, const World (&worlds)[2], const PicturePair& pictures) const {
+bool Generator::only_what_shows(Pair& pair, const PicturePair& pictures) const {
     if (settings_.stated_share <= 0) return true;
     bool colour = true, material = true;
     for (int k = 0; k < 2; ++k) {
-        const Shares shares = Sight(pair.scene[k], worlds[k], pictures.pictures[k].frame).main_shares();
+        const Shares& shares = pictures.pictures[k].shares;
         colour = colour && (pair.scene[k].objects[0].colour < 0 || shares.colour >= settings_.stated_share);
         material = material && shares.material >= settings_.stated_share;
     }
@@ -89,7 +92,7 @@ bool Generator::only_what_shows(Pair& pair, const World (&worlds)[2], const Pict
     return caption(pair.scene[0], pair.plan, settings_) != caption(pair.scene[1], pair.plan, settings_);
 }
 
-void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, Picture& picture) const {
+void Generator::describe(const Pair& pair, int k, const Sight& sight, Rng rng, Picture& picture) const {
     const SceneSpec& spec = pair.scene[k];
     const ObjectSpec& main = spec.objects[0];
     picture.caption = caption(spec, pair.plan, settings_);
@@ -97,8 +100,6 @@ void Generator::describe(const Pair& pair, int k, const World& world, Rng rng, P
     picture.said = said_attributes(spec, pair.plan);
     picture.truth = {static_cast<int16_t>(main.shape), static_cast<int16_t>(main.material),
                      static_cast<int16_t>(main.colour)};
-    const Sight sight(spec, world, picture.frame);
-    picture.shares = sight.main_shares();
     picture.beside = sight.beside();
     picture.queries = draw_queries(spec, sight, settings_, filter_, rng);
 }

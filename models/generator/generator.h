@@ -39,8 +39,8 @@ class Generator {
     // Draws and renders one candidate; false if the main object or the change is hardly visible.
     bool try_make(Rng rng, bool last, PicturePair& result) const;
     // Takes words out of the plan that the pictures do not bear out; false where the change hangs on them.
-    bool only_what_shows(Pair& pair, const World (&worlds)[2], const PicturePair& pictures) const;
-    void describe(const Pair& pair, int k, const World& world, Rng rng, Picture& picture) const;
+    bool only_what_shows(Pair& pair, const PicturePair& pictures) const;
+    void describe(const Pair& pair, int k, const Sight& sight, Rng rng, Picture& picture) const;
 
     Rng stream_;
     Filter filter_;

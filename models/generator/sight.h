@@ -48,7 +48,7 @@ class Sight {
     }
     int snow_pixels() const;
     Shares main_shares() const;
-    // How much of what is seen of the object with this paint's owner is painted in the colour it is called by.
+    // How much of what is seen of the object is painted in the colour it is called by.
     float colour_share(const WorldObject& o) const;
     // Shapes, materials and colours (bit masks) of the other objects that show at least a quarter of the main one's
     // samples: words that fit the picture as well.

@@ -198,7 +198,7 @@ def test_the_share_of_an_object_in_its_colour(module: Any, batch: dict[str, Any]
 
 def test_training_captions_say_only_what_shows(module: Any) -> None:
     """With `stated_share`, a colour or material that most of the object does not show is not said of it."""
-    least = data.TRUE["stated_share"]
+    least = data.TRUE_CAPTIONS["stated_share"]
     words = module.Generator.vocabulary()
 
     def unfounded(settings: str) -> tuple[int, int]:
@@ -209,7 +209,7 @@ def test_training_captions_say_only_what_shows(module: Any) -> None:
         )
         return int(wrong.sum()), int((said[..., 2] >= 0).sum())
 
-    (before, _), (after, coloured) = unfounded(""), unfounded(json.dumps(data.TRUE))
+    (before, _), (after, coloured) = unfounded(""), unfounded(json.dumps(data.TRUE_CAPTIONS))
     assert before > 30
     assert after <= 2  # the last of twelve candidates is taken as it is
     assert coloured > 400  # it does not just stop naming colours
