@@ -2,10 +2,11 @@
 
     ./dev bench [--scene DIR] [--minutes 1 2 5 10] [--threads N] [--out FILE.json]
 
-Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, microseconds a sample of the same training step in
-plain PyTorch (`eager.py`), and for each training budget the PSNR and SSIM on the scene's test views, iterations,
-microseconds a sample that was fitted (marching, occupancy and all else included), how many times faster than PyTorch
-that is, time per view rendered. Results are checked (finite, better than grey) before they are reported; times are
+Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, the kernels by themselves (`kernels.cpp`),
+microseconds a sample of the same training step in plain PyTorch (`eager.py`), and for each training budget the PSNR and
+SSIM on the scene's test views, iterations, microseconds a sample that was fitted (marching, occupancy and all else
+included), how many times faster than PyTorch that is, time per view rendered. Results are checked (finite, better than
+grey) before they are reported; times are
 never judged.
 """
 
@@ -88,11 +89,15 @@ def main() -> None:
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--out", type=Path)
     args = parser.parse_args()
+    kernels = subprocess.run(
+        [args.program.parent / "kernel_bench", "--threads", str(args.threads)], stdout=subprocess.PIPE, check=True
+    )
     report = {
         "machine": {"processor": platform.processor() or platform.machine(), "cores": os.cpu_count()},
         "commit": commit(),
         "threads": args.threads,
         "gemm_gflops_float32": gemm_gflops(args.threads),
+        "kernels": json.loads(kernels.stdout),
         "scene": args.scene.name,
         "training": [],
     }

@@ -65,13 +65,21 @@ function(fieldgraft_unity target)
 endfunction()
 
 # Kernels named x_simd.cpp pick their instructions at run time; below what Highway compiles for it, they need what every
-# x86-64 of the last fifteen years has. The others are compiled for the machine that builds them.
+# x86-64 of the last fifteen years has. Those named x_amx.cpp are of intrinsics that only some machines have (they ask
+# before they are called) and the compiler must know. The others are compiled for the machine that builds them.
+include(CheckCXXCompilerFlag)
+check_cxx_compiler_flag("-mavx512bf16 -mamx-tile -mamx-bf16" FIELDGRAFT_HAS_AMX)
 option(FIELDGRAFT_NATIVE "compile the reference kernels for this machine" ON)
 function(fieldgraft_kernel_flags sources)
     foreach(source ${sources})
         if(source MATCHES "_simd\\.cpp$")
             if(CMAKE_SYSTEM_PROCESSOR MATCHES "x86_64|AMD64")
                 set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS "-march=x86-64-v2;-maes;-mpclmul")
+            endif()
+        elseif(source MATCHES "_amx\\.cpp$")
+            if(FIELDGRAFT_HAS_AMX)
+                set_source_files_properties(${source} PROPERTIES COMPILE_DEFINITIONS FIELDGRAFT_AMX
+                                            COMPILE_OPTIONS "-mavx512f;-mavx512bw;-mavx512dq;-mavx512vl;-mavx512bf16;-mamx-tile;-mamx-bf16;-Wno-maybe-uninitialized")
             endif()
         elseif(FIELDGRAFT_NATIVE)
             set_source_files_properties(${source} PROPERTIES COMPILE_OPTIONS "-march=native")

@@ -14,12 +14,13 @@ namespace {
 std::shared_ptr<RadianceField> run_training(const Scene& scene, std::optional<double> minutes,
                                             std::optional<std::int64_t> iterations, const std::string& quality,
                                             std::uint64_t seed, const std::optional<std::filesystem::path>& checkpoint,
-                                            bool resume, const py::object& progress) {
+                                            bool resume, const std::string& precision, const py::object& progress) {
     TrainOptions options;
     options.minutes = minutes;
     options.iterations = iterations;
     options.quality = quality;
     options.seed = seed;
+    options.precision = precision;
     return run_reporting(progress, [&](const Reporter& reporter) {
         const TrainResult result = train_field(scene, options, reporter, checkpoint.value_or(""), resume);
         Json done = result.report.to_json();
@@ -35,8 +36,10 @@ void bind_train(py::module_& m) {
     m.def(
         "train", &run_training, py::arg("scene"), py::kw_only(), py::arg("minutes") = py::none(),
         py::arg("iterations") = py::none(), py::arg("quality") = "preview", py::arg("seed") = 0,
-        py::arg("checkpoint") = py::none(), py::arg("resume") = false, py::arg("progress") = py::none(),
-        "Scene → Field. Trains for minutes, iterations, or a quality's time (draft, preview, final).\n\n"
+        py::arg("checkpoint") = py::none(), py::arg("resume") = false, py::arg("precision") = "bfloat16",
+        py::arg("progress") = py::none(),
+        "Scene → Field. Trains for minutes, iterations, or a quality's time (draft, preview, final); precision:\n"
+        "bfloat16 (of the networks' products, where the machine is fast at it) or float32.\n\n"
         "progress is called with the events of docs/formats.md, the figures last ({'event': 'done', …}); it stops the\n"
         "training by returning False: Cancelled is raised once the checkpoint, if one is named, is written.");
 }

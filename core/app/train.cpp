@@ -59,6 +59,9 @@ void add_train(Program& program) {
         app->add_option("--iterations", options->iterations, "train for so many steps")->check(CLI::PositiveNumber);
     minutes->excludes(iterations)->excludes(quality);
     iterations->excludes(quality);
+    app->add_option("--precision", options->train.precision,
+                    "of the networks while training: bfloat16 (where the machine is fast at it) or float32")
+        ->check(CLI::IsMember({"bfloat16", "float32"}));
     app->add_option("--downscale", options->downscale, "reduce the images by this factor")
         ->check(CLI::Range(1.0, 64.0));
     app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");

@@ -8,10 +8,10 @@
 
 namespace fieldgraft {
 
-KernelField::KernelField(const RadianceField& field)
+KernelField::KernelField(const RadianceField& field, Precision precision)
     : grid(&field.network().grid),
       table(values(field.parameters().at("encoding.table"))),
-      weights(field.mlp_shape()),
+      weights(field.mlp_shape(), precision),
       box_min(field.geometry().box_min),
       box_max(field.geometry().box_max),
       sh_degree(field.config().sh_degree),

@@ -17,7 +17,7 @@ constexpr double log_density_limit = 15.0;
 
 // Holds packed copies of the networks' weights; grid, table and occupancy belong to the field, which must outlive it.
 struct KernelField {
-    explicit KernelField(const RadianceField& field);
+    explicit KernelField(const RadianceField& field, Precision precision = Precision::float32);
 
     const HashGrid* grid;
     std::span<const float> table;

@@ -110,6 +110,16 @@ HWY_INLINE void sigmoid(float* x, int count) {
     }
 }
 
+// The same for a buffer of any length.
+void sigmoid_all(float* x, std::size_t count) {
+    const std::size_t whole = count / lanes * lanes;
+    sigmoid(x, static_cast<int>(whole));
+    HWY_ALIGN float rest[lanes] = {};
+    std::copy(x + whole, x + count, rest);
+    sigmoid(rest, static_cast<int>(lanes));
+    std::copy_n(rest, count - whole, x + whole);
+}
+
 void color_forward(const FieldMlpWeights& weights, const float* features, const std::int32_t* ray, const float* base,
                    int n, float* hidden0, float* hidden1, float* color) {
     const Widths w(weights.shape());
@@ -223,8 +233,11 @@ std::array<std::array<std::int64_t, 2>, 5> FieldMlpShape::matrices() const {
              {3, color_hidden}}};
 }
 
-FieldMlpWeights::FieldMlpWeights(const FieldMlpShape& shape) : shape_(shape) {
+FieldMlpWeights::FieldMlpWeights(const FieldMlpShape& shape, Precision precision)
+    : shape_(shape), precision_(precision) {
     shape.check();
+    const int largest = std::max({shape.encoded, shape.hidden, shape.features, shape.color_hidden});
+    if (!amx::available() || padded(largest) > amx::widest) precision_ = Precision::float32;
     const auto& s = shape;
     density0.resize(area(s.encoded, s.hidden));
     density0_back.resize(area(s.encoded, s.hidden));
@@ -257,6 +270,37 @@ void FieldMlpWeights::pack(const FieldMlpMatrices& m) {
     copy_transposed(m[3], s.color_hidden, 0, s.color_hidden, s.color_hidden, color1);
     copy_plain(m[3], s.color_hidden, 0, s.color_hidden, s.color_hidden, color1_back);
     copy_plain(m[4], s.color_hidden, 0, s.color_hidden, 3, color2);
+    if (precision_ == Precision::bfloat16) pack_tiles();
+}
+
+void FieldMlpWeights::pack_tiles() {
+    const int e = padded(shape_.encoded), h = padded(shape_.hidden), f = padded(shape_.features),
+              c = padded(shape_.color_hidden);
+    std::vector<float> last(std::size_t(c) * 16);  // color2 as in×out
+    for (int i = 0; i < c; ++i) {
+        for (int o = 0; o < 3; ++o) last[std::size_t(i) * 16 + o] = color2[std::size_t(o) * c + i];
+    }
+    const struct {
+        const std::vector<float>& matrix;
+        int in, out;
+    } all[] = {{density0, e, h},    {density0_back, h, e}, {density1, h, f},    {density1_back, f, h}, {color0, f, c},
+               {color0_back, c, f}, {color1, c, c},        {color1_back, c, c}, {last, c, 16}};
+    for (std::size_t i = 0; i < tiles_.size(); ++i) {
+        tiles_[i].resize(amx::tiles_size(all[i].in, all[i].out));
+        amx::pack_tiles(all[i].matrix.data(), all[i].in, all[i].out, tiles_[i].data());
+    }
+}
+
+amx::DensityNetwork FieldMlpWeights::density_tiles() const {
+    return {padded(shape_.encoded), padded(shape_.hidden), padded(shape_.features), tiles_[0].data(),
+            tiles_[2].data(),       tiles_[1].data(),      tiles_[3].data()};
+}
+
+amx::ColorNetwork FieldMlpWeights::color_tiles() const {
+    return {padded(shape_.features), padded(shape_.color_hidden),
+            tiles_[4].data(),        tiles_[6].data(),
+            tiles_[8].data(),        tiles_[5].data(),
+            tiles_[7].data(),        color2.data()};
 }
 
 FieldMlpGradients::FieldMlpGradients(const FieldMlpShape& s)
@@ -303,13 +347,21 @@ HWY_EXPORT(color_base);
 HWY_EXPORT(color_base_backward);
 HWY_EXPORT(color_forward);
 HWY_EXPORT(color_backward);
+HWY_EXPORT(sigmoid_all);
 
 void density_mlp_forward(const FieldMlpWeights& weights, const float* encoded, int n, float* features) {
+    if (weights.precision() == Precision::bfloat16) {
+        return amx::density_forward(weights.density_tiles(), encoded, n, features);
+    }
     HWY_DYNAMIC_DISPATCH(density_forward)(weights, encoded, n, features);
 }
 
 void density_mlp_backward(const FieldMlpWeights& weights, const float* encoded, const float* features_grad, int n,
                           FieldMlpGradients& gradients, float* encoded_grad) {
+    if (weights.precision() == Precision::bfloat16) {
+        return amx::density_backward(weights.density_tiles(), encoded, features_grad, n, gradients.density0.data(),
+                                     gradients.density1.data(), encoded_grad);
+    }
     HWY_DYNAMIC_DISPATCH(density_backward)(weights, encoded, features_grad, n, gradients, encoded_grad);
 }
 
@@ -324,12 +376,23 @@ void ray_color_base_backward(const FieldMlpWeights& weights, const float* basis,
 
 void color_mlp_forward(const FieldMlpWeights& weights, const float* features, const std::int32_t* ray,
                        const float* base, int n, float* hidden0, float* hidden1, float* color) {
+    if (weights.precision() == Precision::bfloat16) {
+        amx::color_forward(weights.color_tiles(), features, ray, base, n, hidden0, hidden1, color);
+        return HWY_DYNAMIC_DISPATCH(sigmoid_all)(color, 3 * std::size_t(n));
+    }
     HWY_DYNAMIC_DISPATCH(color_forward)(weights, features, ray, base, n, hidden0, hidden1, color);
 }
 
 void color_mlp_backward(const FieldMlpWeights& weights, const float* features, const std::int32_t* ray,
                         const float* hidden0, const float* hidden1, const float* color, const float* color_grad, int n,
                         FieldMlpGradients& gradients, float* base_grad, float* features_grad) {
+    if (weights.precision() == Precision::bfloat16) {
+        std::vector<float> logit_grad(3 * std::size_t(n));
+        for (std::size_t i = 0; i < logit_grad.size(); ++i) logit_grad[i] = color_grad[i] * color[i] * (1 - color[i]);
+        return amx::color_backward(weights.color_tiles(), features, ray, hidden0, hidden1, logit_grad.data(), n,
+                                   gradients.color0.data(), gradients.color1.data(), gradients.color2.data(), base_grad,
+                                   features_grad);
+    }
     HWY_DYNAMIC_DISPATCH(color_backward)
     (weights, features, ray, hidden0, hidden1, color, color_grad, n, gradients, base_grad, features_grad);
 }

@@ -8,6 +8,9 @@
 // (`ray_color_base`), and samples say which ray is theirs. One thread; callers split samples, and add up the gradients
 // of their parts.
 //
+// With Precision::bfloat16 the layers' products are field_mlp_amx.h's, on machines that have its instructions and for
+// layers of at most 128; elsewhere they stay float32.
+//
 // Errors against exact arithmetic: a sum of m products within (m + 2) ε Σ|w h|; sigmoid within 4 ε. The gradient of
 // ReLU at 0 is 0. A NaN reaches every output that depends on it. Reference: mlp_ref.h.
 #pragma once
@@ -17,7 +20,11 @@
 #include <span>
 #include <vector>
 
+#include "core/kernels/field_mlp_amx.h"
+
 namespace fieldgraft {
+
+enum class Precision { float32, bfloat16 };
 
 constexpr int padded(int width) {
     return (width + 15) / 16 * 16;
@@ -37,16 +44,26 @@ using FieldMlpMatrices = std::vector<std::span<const float>>;
 // The same numbers as the kernels read them, padded, each matrix both ways. Repack after every step of an optimiser.
 class FieldMlpWeights {
   public:
-    explicit FieldMlpWeights(const FieldMlpShape& shape);
+    explicit FieldMlpWeights(const FieldMlpShape& shape, Precision precision = Precision::float32);
     void pack(const FieldMlpMatrices& matrices);
     const FieldMlpShape& shape() const { return shape_; }
+    // bfloat16 only where that is what is computed in.
+    Precision precision() const { return precision_; }
+    // bfloat16 only.
+    amx::DensityNetwork density_tiles() const;
+    amx::ColorNetwork color_tiles() const;
 
     // in×out, and (named "back") out×in.
     std::vector<float> density0, density0_back, density1, density1_back, color_basis, color0, color0_back, color1,
         color1_back, color2;
 
   private:
+    void pack_tiles();
+
     FieldMlpShape shape_;
+    Precision precision_;
+    // density0, its back, density1, its back, color0, its back, color1, its back, color2.
+    std::array<std::vector<std::uint16_t>, 9> tiles_;
 };
 
 // Sums of gradients, in×out, padded; color2 is 3×in.

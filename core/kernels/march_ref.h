@@ -5,9 +5,9 @@
 // occupied. Lengths in model units; origins and directions R×3 row-major, directions of length 1. Positions are N×3
 // row-major.
 //
-// Empty cells (and empty cubes of 2, 4 or 8 cells an edge) are crossed in one stride that lands at or before their far
-// side, so the samples are exactly those of the plain loop over k. Not differentiated. Count first, then fill: the
-// layout needs the offsets.
+// Empty cells are crossed in strides as long as the empty cube around them (Cohen & Sheffer 1994), each landing at or
+// before its far side, so the samples are exactly those of the plain loop over k. Not differentiated. Count first, then
+// fill: the layout needs the offsets.
 #pragma once
 
 #include <array>
@@ -24,8 +24,10 @@ struct MarchGrid {
     int resolution = 0;  // 0: no grid
     // Cells in bricks of 4×4×4, one bit each (x fastest), padded with empty ones; bricks by z, y, x.
     std::vector<std::uint64_t> bricks;
-    std::vector<std::uint8_t> blocks;  // 1 where any cell of an 8×8×8 block is occupied
-    int bricks_an_edge = 0, blocks_an_edge = 0;
+    // Of each brick, how many bricks away the nearest one that is not empty lies (largest of the three axes; 255: or
+    // further). What lies outside the box is empty.
+    std::vector<std::uint8_t> distance;
+    int bricks_an_edge = 0;
 };
 
 // cells: resolution³ bytes, not 0 where occupied.

@@ -103,6 +103,12 @@ class Trainer {
         return state_.seconds / (60 * options_.budget());
     }
 
+    // What the networks are really computed in: another machine may not go on in the same.
+    std::string precision_name() const {
+        const FieldMlpWeights weights(state_.field->mlp_shape(), options_.network_precision());
+        return weights.precision() == Precision::bfloat16 ? "bfloat16" : "float32";
+    }
+
     Json run_description() const {
         return {{"config", options_.field_config().to_json()},
                 {"geometry", data_.geometry.to_json()},
@@ -113,7 +119,8 @@ class Trainer {
                 {"step", step()},
                 {"images", data_.train.cameras.size()},
                 {"iterations", options_.iterations ? Json(*options_.iterations) : Json()},
-                {"occupancy_resolution", options_.occupancy_resolution}};
+                {"occupancy_resolution", options_.occupancy_resolution},
+                {"precision", precision_name()}};
     }
 
     double rate() const {
@@ -163,7 +170,7 @@ class Trainer {
         const Tensor origins = batch.rays.origins.contiguous(), directions = batch.rays.directions.contiguous();
         const Tensor jitter = draw_jitter(&state_.random, batch.rays.size());
         const MarchRays rays{values(origins), values(directions), values(jitter), current_step(), 0};
-        const KernelField kernel(*state_.field);
+        const KernelField kernel(*state_.field, options_.network_precision());
         const std::int64_t total = batch.rays.size(), a_range = std::clamp<std::int64_t>(total / 16, 32, rays_a_range);
         const std::int64_t count = (total + a_range - 1) / a_range;
         std::vector<RangeFit> fits;
@@ -246,7 +253,8 @@ class Trainer {
         refresh_cells();
         state_.field->freeze();
         return {state_.field,
-                {state_.iteration, state_.skipped, state_.samples, state_.seconds, measured_psnr(), peak_mib()}};
+                {state_.iteration, state_.skipped, state_.samples, state_.seconds, measured_psnr(), peak_mib(),
+                 precision_name()}};
     }
 
     const TrainingData& data_;
@@ -272,8 +280,15 @@ HashFieldConfig TrainOptions::field_config() const {
     return config;
 }
 
+Precision TrainOptions::network_precision() const {
+    if (precision == "bfloat16") return Precision::bfloat16;
+    if (precision == "float32") return Precision::float32;
+    input_error("precision \"{}\" is unknown: bfloat16 or float32", precision);
+}
+
 void TrainOptions::check() const {
     preset_minutes(quality);
+    network_precision();
     if (minutes && iterations) input_error("give --minutes or --iterations, not both");
     if (minutes && !(*minutes > 0 && std::isfinite(*minutes)))
         input_error("minutes must be positive, not {}", *minutes);
@@ -289,7 +304,8 @@ void TrainOptions::check() const {
 
 Json TrainReport::to_json() const {
     return {{"iterations", iterations}, {"skipped", skipped}, {"samples", samples},
-            {"seconds", seconds},       {"psnr", psnr},       {"peak_mib", peak_mib}};
+            {"seconds", seconds},       {"psnr", psnr},       {"peak_mib", peak_mib},
+            {"precision", precision}};
 }
 
 TrainResult train_field(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,

@@ -17,6 +17,7 @@
 
 #include "core/base/progress.h"
 #include "core/field/radiance_field.h"
+#include "core/kernels/field_mlp_simd.h"
 #include "core/train/training_data.h"
 
 namespace fieldgraft {
@@ -31,12 +32,15 @@ struct TrainOptions {
     double rate = 2e-2, rate_end = 0.03;
     double step = 0;  // of the march at the end, model units; 0: the box diagonal / 1024
     int occupancy_resolution = 128;
+    // Of the networks' products: "bfloat16" where the machine has them fast (field_mlp_amx.h; else float32), "float32".
+    std::string precision = "bfloat16";
     double checkpoint_seconds = 30;
 
     // The preset's minutes, unless `minutes` says otherwise.
     double budget() const;
     // `field`, or one for the budget: a small table learns faster, a large one further.
     HashFieldConfig field_config() const;
+    Precision network_precision() const;
     // Throws InputError with one line. Called by train_field.
     void check() const;
 };
@@ -45,8 +49,9 @@ struct TrainReport {
     std::int64_t iterations = 0, skipped = 0;
     std::int64_t samples = 0;  // visible samples that were fitted
     double seconds = 0;
-    double psnr = 0;      // of the validation views (four at most), or of training views if there are none
-    double peak_mib = 0;  // of the process
+    double psnr = 0;        // of the validation views (four at most), or of training views if there are none
+    double peak_mib = 0;    // of the process
+    std::string precision;  // what the networks were computed in
     Json to_json() const;
 };
 

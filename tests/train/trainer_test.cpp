@@ -88,6 +88,18 @@ TEST_F(Train, LearnsABall) {
     EXPECT_GE(events.back()["eta_s"].get<double>(), 0);
 }
 
+TEST_F(Train, PrecisionOfTheNetworksIsAChoiceAndHardlyShows) {
+    auto options = small_options(300);
+    options.precision = "float32";
+    const TrainResult single = train_field(ball_data(), options);
+    EXPECT_EQ(single.report.precision, "float32");
+    options.precision = "bfloat16";
+    const TrainResult half = train_field(ball_data(), options);
+    if (half.report.precision != "bfloat16") GTEST_SKIP() << "this machine has no AMX tiles";
+    EXPECT_NE(half.field->hash(), single.field->hash());
+    EXPECT_NEAR(half.report.psnr, single.report.psnr, 1.0);
+}
+
 TEST_F(Train, SameSeedSameFileBitForBit) {
     const fs::path a = temporary("a.safetensors"), b = temporary("b.safetensors");
     train_field(ball_data(), small_options(20)).field->save(a);
@@ -179,9 +191,10 @@ TEST_F(Train, BadInputIsNamed) {
     EXPECT_THROW(train_field(data, small_options(1)), InputError);
     for (const auto& change : std::vector<std::function<void(TrainOptions&)>>{
              [](TrainOptions& o) { o.iterations = 0; }, [](TrainOptions& o) { o.minutes = 1; },
-             [](TrainOptions& o) { o.quality = "best"; }, [](TrainOptions& o) { o.samples = 1; },
-             [](TrainOptions& o) { o.rate = NAN; }, [](TrainOptions& o) { o.rate_end = 0; },
-             [](TrainOptions& o) { o.step = -1; }, [](TrainOptions& o) { o.occupancy_resolution = 0; }}) {
+             [](TrainOptions& o) { o.quality = "best"; }, [](TrainOptions& o) { o.precision = "half"; },
+             [](TrainOptions& o) { o.samples = 1; }, [](TrainOptions& o) { o.rate = NAN; },
+             [](TrainOptions& o) { o.rate_end = 0; }, [](TrainOptions& o) { o.step = -1; },
+             [](TrainOptions& o) { o.occupancy_resolution = 0; }}) {
         auto options = small_options(1);
         change(options);
         EXPECT_THROW(train_field(ball_data(), options), InputError);
