@@ -2,9 +2,10 @@
 //
 //   kernel_bench [--table LOG2] [--threads N] [--seconds S]
 //
-// Samples lie on rays of 16, as far apart as in the long steps that training starts with. One JSON object: for each kernel nanoseconds of a thread a sample (median and least of the repeats) and, where its
-// work is products, GFLOP/s of a thread; what a chain of fused multiply-adds and a copy through memory reach on as many
-// threads at once. Every thread works on data of its own, as training's threads do.
+// Samples lie on rays of 16, as far apart as in the long steps that training starts with. One JSON object: for each
+// kernel nanoseconds of a thread a sample (median and least of the repeats) and, where its work is products, GFLOP/s of
+// a thread; what a chain of fused multiply-adds and a copy through memory reach on as many threads at once. Every
+// thread works on data of its own, as training's threads do.
 #include <algorithm>
 #include <chrono>
 #include <cmath>
@@ -54,7 +55,8 @@ std::vector<double> times(const Options& options, const std::function<std::funct
             const auto work = make(i);
             work();
             using Clock = std::chrono::steady_clock;
-            for (const auto begin = Clock::now(); all[i].size() < 5 || Clock::now() - begin < std::chrono::duration<double>(options.seconds);) {
+            for (const auto begin = Clock::now();
+                 all[i].size() < 5 || Clock::now() - begin < std::chrono::duration<double>(options.seconds);) {
                 const auto start = Clock::now();
                 work();
                 all[i].push_back(std::chrono::duration<double>(Clock::now() - start).count());
@@ -94,7 +96,9 @@ std::vector<float> points_on_rays(std::size_t n, std::uint32_t seed) {
 struct Grid {
     HashGrid grid;
     std::vector<float> table;
-    explicit Grid(const Options& o) : grid(make_hash_grid(16, 2, o.log2_table_size, 16, 1024)), table(numbers(grid.entries * 2, -1e-2f, 1e-2f, 5)) {}
+    explicit Grid(const Options& o)
+        : grid(make_hash_grid(16, 2, o.log2_table_size, 16, 1024)),
+          table(numbers(grid.entries * 2, -1e-2f, 1e-2f, 5)) {}
 };
 
 // Sixteen numbers, in as many registers as the machine that builds needs for them.
@@ -122,13 +126,23 @@ void add_networks(const Options& o, Precision precision, const std::string& name
     struct State {
         FieldMlpWeights weights;
         FieldMlpGradients gradients;
-        std::vector<float> encoded, features, base, hidden0, hidden1, color, color_grad, base_grad, features_grad, encoded_grad;
+        std::vector<float> encoded, features, base, hidden0, hidden1, color, color_grad, base_grad, features_grad,
+            encoded_grad;
         std::vector<std::int32_t> ray;
         State(const FieldMlpShape& s, Precision p, int i)
-            : weights(s, p), gradients(s), encoded(numbers(samples * 32, -1, 1, 7 + i)), features(samples * 16),
-              base(numbers(rays * 64, -1, 1, 9)), hidden0(samples * 64), hidden1(samples * 64), color(samples * 3),
-              color_grad(numbers(samples * 3, -1, 1, 11)), base_grad(rays * 64), features_grad(samples * 16),
-              encoded_grad(samples * 32), ray(samples) {
+            : weights(s, p),
+              gradients(s),
+              encoded(numbers(samples * 32, -1, 1, 7 + i)),
+              features(samples * 16),
+              base(numbers(rays * 64, -1, 1, 9)),
+              hidden0(samples * 64),
+              hidden1(samples * 64),
+              color(samples * 3),
+              color_grad(numbers(samples * 3, -1, 1, 11)),
+              base_grad(rays * 64),
+              features_grad(samples * 16),
+              encoded_grad(samples * 32),
+              ray(samples) {
             std::vector<std::vector<float>> m;
             for (const auto& [a, b] : s.matrices()) m.push_back(numbers(a * b, -0.2f, 0.2f, 3));
             weights.pack(FieldMlpMatrices(m.begin(), m.end()));
@@ -147,60 +161,79 @@ void add_networks(const Options& o, Precision precision, const std::string& name
     };
     constexpr int n = 1024;
     constexpr double density = 2 * (32 * 64 + 64 * 16), color = 2 * (16 * 64 + 64 * 64 + 64 * 3);
-    time("density_forward", density, [](State& s, std::size_t f) { density_mlp_forward(s.weights, s.encoded.data() + f * 32, n, s.features.data() + f * 16); });
+    time("density_forward", density, [](State& s, std::size_t f) {
+        density_mlp_forward(s.weights, s.encoded.data() + f * 32, n, s.features.data() + f * 16);
+    });
     time("density_backward", 2 * density + 2 * 32 * 64, [](State& s, std::size_t f) {
-        density_mlp_backward(s.weights, s.encoded.data() + f * 32, s.features_grad.data() + f * 16, n, s.gradients, s.encoded_grad.data() + f * 32);
+        density_mlp_backward(s.weights, s.encoded.data() + f * 32, s.features_grad.data() + f * 16, n, s.gradients,
+                             s.encoded_grad.data() + f * 32);
     });
     time("color_forward", color, [](State& s, std::size_t f) {
-        color_mlp_forward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.base.data(), n, s.hidden0.data() + f * 64, s.hidden1.data() + f * 64, s.color.data() + f * 3);
+        color_mlp_forward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.base.data(), n,
+                          s.hidden0.data() + f * 64, s.hidden1.data() + f * 64, s.color.data() + f * 3);
     });
     time("color_backward", 2 * color, [](State& s, std::size_t f) {
-        color_mlp_backward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.hidden0.data() + f * 64, s.hidden1.data() + f * 64, s.color.data() + f * 3,
-                           s.color_grad.data() + f * 3, n, s.gradients, s.base_grad.data(), s.features_grad.data() + f * 16);
+        color_mlp_backward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.hidden0.data() + f * 64,
+                           s.hidden1.data() + f * 64, s.color.data() + f * 3, s.color_grad.data() + f * 3, n,
+                           s.gradients, s.base_grad.data(), s.features_grad.data() + f * 16);
     });
 }
 
 Json measure(const Options& o) {
     Json out;
     volatile double sink = 0;
-    out["machine_fused_multiply_add"] = row(times(o, [&](int) { return [&] { sink = fused_multiply_adds(); }; }), 1, 2.0 * 16 * chains * chain_steps);
+    out["machine_fused_multiply_add"] =
+        row(times(o, [&](int) { return [&] { sink = fused_multiply_adds(); }; }), 1, 2.0 * 16 * chains * chain_steps);
     const std::size_t bytes = std::size_t{64} << 20;
     const auto copies = times(o, [&](int) {
         auto from = std::make_shared<std::vector<char>>(bytes, 1), to = std::make_shared<std::vector<char>>(bytes, 2);
         return [from, to, bytes] { std::memcpy(to->data(), from->data(), bytes); };
     });
-    out["machine_copy"] = {{"gbytes_a_second", 2.0 * static_cast<double>(bytes) / copies[copies.size() / 2] * 1e-9 * o.threads}};
+    out["machine_copy"] = {
+        {"gbytes_a_second", 2.0 * static_cast<double>(bytes) / copies[copies.size() / 2] * 1e-9 * o.threads}};
     const auto grid = std::make_shared<Grid>(o);
     const std::size_t width = grid->grid.rows();
-    out["encode"] = row(times(o, [&](int i) {
-        auto p = std::make_shared<std::vector<float>>(points_on_rays(samples, 77 + i));
-        auto e = std::make_shared<std::vector<float>>(samples * width);
-        return [=] { hash_grid_encode(grid->grid, grid->table, p->data(), samples, e->data(), width); };
-    }), samples, 0);
-    out["encode_gradient"] = row(times(o, [&](int i) {
-        auto p = std::make_shared<std::vector<float>>(points_on_rays(samples, 77 + i));
-        auto e = std::make_shared<std::vector<float>>(numbers(samples * width, -1, 1, 3));
-        auto g = std::make_shared<std::vector<float>>(grid->table.size());
-        return [=] {
-            const HashGridRows part{p->data(), e->data(), samples, 2, samples * 2};
-            for (std::size_t l = 0; l < grid->grid.levels.size(); ++l)
-                hash_grid_add_gradient(grid->grid, static_cast<int>(l), {&part, 1}, g->data() + 2 * grid->grid.levels[l].offset);
-        };
-    }), samples, 0);
+    out["encode"] =
+        row(times(o,
+                  [&](int i) {
+                      auto p = std::make_shared<std::vector<float>>(points_on_rays(samples, 77 + i));
+                      auto e = std::make_shared<std::vector<float>>(samples * width);
+                      return [=] { hash_grid_encode(grid->grid, grid->table, p->data(), samples, e->data(), width); };
+                  }),
+            samples, 0);
+    out["encode_gradient"] =
+        row(times(o,
+                  [&](int i) {
+                      auto p = std::make_shared<std::vector<float>>(points_on_rays(samples, 77 + i));
+                      auto e = std::make_shared<std::vector<float>>(numbers(samples * width, -1, 1, 3));
+                      auto g = std::make_shared<std::vector<float>>(grid->table.size());
+                      return [=] {
+                          const HashGridRows part{p->data(), e->data(), samples, 2, samples * 2};
+                          for (std::size_t l = 0; l < grid->grid.levels.size(); ++l)
+                              hash_grid_add_gradient(grid->grid, static_cast<int>(l), {&part, 1},
+                                                     g->data() + 2 * grid->grid.levels[l].offset);
+                      };
+                  }),
+            samples, 0);
     const std::size_t entries = grid->table.size();
-    out["adam_an_entry"] = row(times(o, [&](int i) {
-        auto p = std::make_shared<std::vector<float>>(entries), m = std::make_shared<std::vector<float>>(entries), v = std::make_shared<std::vector<float>>(entries);
-        auto g = std::make_shared<std::vector<float>>(numbers(entries, -1, 1, 3 + i));
-        return [=] {
-            AdamStep step;
-            step.rate = 1e-3;
-            step.t = 1;
-            step.skip_zero = true;
-            adam_step_part(step, *g, *p, *m, *v);
-        };
-    }), static_cast<double>(entries), 0);
+    out["adam_an_entry"] = row(times(o,
+                                     [&](int i) {
+                                         auto p = std::make_shared<std::vector<float>>(entries),
+                                              m = std::make_shared<std::vector<float>>(entries),
+                                              v = std::make_shared<std::vector<float>>(entries);
+                                         auto g = std::make_shared<std::vector<float>>(numbers(entries, -1, 1, 3 + i));
+                                         return [=] {
+                                             AdamStep step;
+                                             step.rate = 1e-3;
+                                             step.t = 1;
+                                             step.skip_zero = true;
+                                             adam_step_part(step, *g, *p, *m, *v);
+                                         };
+                                     }),
+                               static_cast<double>(entries), 0);
     add_networks(o, Precision::float32, "float32_", out);
-    if (FieldMlpWeights(FieldMlpShape(), Precision::bfloat16).precision() == Precision::bfloat16) add_networks(o, Precision::bfloat16, "bfloat16_", out);
+    if (FieldMlpWeights(FieldMlpShape(), Precision::bfloat16).precision() == Precision::bfloat16)
+        add_networks(o, Precision::bfloat16, "bfloat16_", out);
     return out;
 }
 
@@ -212,10 +245,14 @@ int main(int count, char** arguments) {
     for (int i = 1; i + 1 < count; i += 2) {
         const std::string name = arguments[i];
         const double value = std::atof(arguments[i + 1]);
-        if (name == "--table") options.log2_table_size = static_cast<int>(value);
-        else if (name == "--threads") options.threads = static_cast<int>(value);
-        else if (name == "--seconds") options.seconds = value;
-        else return std::fprintf(stderr, "kernel_bench: unknown option %s\n", arguments[i]), 2;
+        if (name == "--table")
+            options.log2_table_size = static_cast<int>(value);
+        else if (name == "--threads")
+            options.threads = static_cast<int>(value);
+        else if (name == "--seconds")
+            options.seconds = value;
+        else
+            return std::fprintf(stderr, "kernel_bench: unknown option %s\n", arguments[i]), 2;
     }
     std::printf("%s\n", fieldgraft::measure(options).dump(1).c_str());
 }

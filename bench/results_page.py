@@ -1,4 +1,4 @@
-"""Puts the figures of docs/results/lego.json into docs/results.md, between its `figures` markers.
+"""Puts the figures of docs/results/*.json into docs/results.md and docs/performance.md, between `figures` markers.
 
     python bench/results_page.py [--check]
 
@@ -16,6 +16,7 @@ from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, FIGURES = ROOT / "docs" / "results.md", ROOT / "docs" / "results" / "lego.json"
+SPEED_PAGE, SPEED_FIGURES = ROOT / "docs" / "performance.md", ROOT / "docs" / "results" / "performance.json"
 
 
 def table(heads: list[str], rows: list[list[str]]) -> str:
@@ -74,10 +75,85 @@ def bake_table(bake: dict[str, Any]) -> str:
     return table(["what", "measured"], rows)
 
 
+def range_of(figure: dict[str, float], digits: int, scale: float = 1) -> str:
+    """Median (least to greatest)."""
+    middle, low, high = (f"{figure[k] * scale:.{digits}f}" for k in ("median", "min", "max"))
+    return f"{middle} ({low} to {high})"
+
+
+def machine_table(machine: dict[str, Any]) -> str:
+    rows = [
+        ["processor", f"{machine['processor']}, {machine['cores']} cores, {machine['threads']} threads used"],
+        ["GEMM 2048³ in float32, GFLOP/s", range_of(machine["gemm_float32"], 0)],
+        ["GEMM 2048³ in bfloat16, GFLOP/s", range_of(machine["gemm_bfloat16"], 0)],
+    ]
+    return table(["what", "measured"], rows)
+
+
+def kernel_table(kernels: dict[str, Any]) -> str:
+    peak = kernels["machine_fused_multiply_add"]["gflops"]
+    rows = []
+    for name, k in kernels.items():
+        if name == "machine_copy":
+            rows.append(["memory copied, all threads", "", "", f"{k['gbytes_a_second']:.1f} GB/s", ""])
+        elif name == "machine_fused_multiply_add":
+            rows.append(["chains of float32 multiply-adds, a thread", "", "", f"{peak:.0f} GFLOP/s", ""])
+        else:
+            rate = f"{k['gflops']:.0f} GFLOP/s" if "gflops" in k else ""
+            share = f"{k['gflops'] / peak:.2f}" if "gflops" in k else ""
+            rows.append([name.replace("_", " "), f"{k['ns']:.1f}", f"{k['least_ns']:.1f}", rate, share])
+    heads = ["kernel", "ns of a thread a sample, median", "least", "rate", "of the float32 chains' rate"]
+    return table(heads, rows)
+
+
+def training_rows(training: dict[str, Any]) -> list[list[str]]:
+    gemm = training["gemm_float32"]["median"]
+    plain = training["pytorch_eager_microseconds_a_sample"]["median"]
+    rows = []
+    for precision, figure in training["microseconds_a_sample"].items():
+        share = training["flops_a_sample"] / figure["median"] / 1e3 / gemm
+        what = f"training, {precision}"
+        rows.append([f"{what}: µs a fitted sample", range_of(figure, 2), ""])
+        rows.append([f"{what}: times plain PyTorch's speed", f"{plain / figure['median']:.1f}", "10 / 16"])
+        rows.append([f"{what}: of the float32 GEMM rate, all included", f"{share:.2f}", "0.6 / 0.75"])
+    return rows
+
+
+def speed_table(report: dict[str, Any]) -> str:
+    scaling, edit, bake = report["scaling"], report["edit"], report["bake"]
+    threads = report["machine"]["threads"]
+    faster = scaling[f"samples_a_second_{threads}"]["median"] / scaling["samples_a_second_1"]["median"]
+    thousand = 1000 / 60  # iterations; minutes
+    edits = []
+    for operations, seconds in edit.items():
+        what = f"1,000 iterations of an edit ({operations}), S = 128, min"
+        edits.append([what, range_of(seconds["seconds_an_iteration"], 1, thousand), "6 / 3"])
+        field = range_of(seconds["of_them_field_and_rendering"], 1, thousand)
+        edits.append(["of them field and rendering", field, ""])
+    baked = "field with an edit" if bake["with_edit"] else "field"
+    rows = [
+        *training_rows(report["training"]),
+        [f"training, 1 to {threads} threads: times faster", f"{faster:.2f}", "1.8 / 1.95"],
+        ["a 400x400 view of the field, s", range_of(report["render"]["seconds_a_view"], 3), "0.25 / 0.1"],
+        *edits,
+        [f"bake of a {baked}, 256³, s", range_of(bake["seconds"], 1), "20 / 5"],
+    ]
+    return table(["what", "measured", "at least / aim"], rows)
+
+
+MAKERS = {
+    "field": field_table,
+    "edits": edit_table,
+    "bake": bake_table,
+    "machine": machine_table,
+    "kernels": kernel_table,
+    "speed": speed_table,
+}
+
+
 def filled(page: str, report: dict[str, Any]) -> str:
     """The page with each `<!-- figures: NAME -->` … `<!-- end -->` holding that table as it is now."""
-    makers = {"field": field_table, "edits": edit_table, "bake": bake_table}
-    for name, make in makers.items():
+    for name, make in MAKERS.items():
         if name in report:
             marked = re.compile(rf"(<!-- figures: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
             text = make(report[name])
@@ -85,13 +161,22 @@ def filled(page: str, report: dict[str, Any]) -> str:
     return page
 
 
+def speed_report() -> dict[str, Any]:
+    """The performance figures; `speed` is made of several of them."""
+    report = json.loads(SPEED_FIGURES.read_text(encoding="utf-8"))
+    return {"machine": report["machine"], "kernels": report["kernels"], "speed": report}
+
+
 def main() -> int:
-    page = PAGE.read_text(encoding="utf-8")
-    new = filled(page, json.loads(FIGURES.read_text(encoding="utf-8")))
-    if "--check" in sys.argv:
-        return 0 if new == page else 1
-    PAGE.write_text(new, encoding="utf-8")
-    return 0
+    stale = False
+    lego = json.loads(FIGURES.read_text(encoding="utf-8"))
+    for path, report in ((PAGE, lego), (SPEED_PAGE, speed_report())):
+        page = path.read_text(encoding="utf-8")
+        new = filled(page, report)
+        stale = stale or new != page
+        if "--check" not in sys.argv:
+            path.write_text(new, encoding="utf-8")
+    return 1 if stale and "--check" in sys.argv else 0
 
 
 if __name__ == "__main__":

@@ -1,6 +1,7 @@
 """Accuracy and timings of the whole path on one scene, beside a GEMM reading of the same run.
 
     ./dev bench [--scene DIR] [--minutes 1 2 5 10] [--threads N] [--out FILE.json]
+    ./dev bench --page --scene DIR --field FIELD [--edit EDIT]       writes docs/performance.md (performance.py)
 
 Writes one JSON object: machine, commit, GFLOP/s of a float32 GEMM, the kernels by themselves (`kernels.cpp`),
 microseconds a sample of the same training step in plain PyTorch (`eager.py`), and for each training budget the PSNR and
@@ -40,11 +41,12 @@ def done_event(command: list[str | Path]) -> dict:
     return done[-1]
 
 
-def gemm_gflops(threads: int, size: int = 2048, runs: int = 5) -> dict:
+def gemm_gflops(threads: int, size: int = 2048, runs: int = 5, bfloat16: bool = False) -> dict:
     import torch
 
     torch.set_num_threads(threads)
-    a, b = torch.randn(size, size), torch.randn(size, size)
+    kind = torch.bfloat16 if bfloat16 else torch.float32
+    a, b = torch.randn(size, size).to(kind), torch.randn(size, size).to(kind)
     torch.mm(a, b)
     rates = []
     for _ in range(runs):
@@ -88,7 +90,19 @@ def main() -> None:
     parser.add_argument("--minutes", type=float, nargs="+", default=[1.0])
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--out", type=Path)
+    parser.add_argument("--page", action="store_true", help="measure what docs/performance.md shows")
+    parser.add_argument("--field", type=Path, help="of the scene, for --page")
+    parser.add_argument("--edit", type=Path, help="of that field, for --page")
+    parser.add_argument("--only", default="kernels,training,scaling,render,edit,bake", help="parts of --page")
+    parser.add_argument("--repeats", type=int, default=3, help="of every figure of --page")
     args = parser.parse_args()
+    if args.page:
+        if args.field is None:
+            parser.error("--page needs --field, a trained field of the scene")
+        import performance
+
+        performance.measure_all(args)
+        return
     kernels = subprocess.run(
         [args.program.parent / "kernel_bench", "--threads", str(args.threads)], stdout=subprocess.PIPE, check=True
     )

@@ -2,6 +2,7 @@
 #include <cstdio>
 
 #include "core/app/console.h"
+#include "core/base/memory.h"
 
 int main(int argc, char** argv) {
     using namespace fieldgraft::app;
@@ -17,5 +18,6 @@ int main(int argc, char** argv) {
         std::fprintf(stderr, "fieldgraft: %s (see fieldgraft --help)\n", error.what());
         return 2;
     }
+    fieldgraft::keep_freed_memory();
     return run_and_report(program.common, program.action);
 }

@@ -14,9 +14,9 @@ using Bits = std::uint16_t;  // a bfloat16 number
 
 // A group of samples is two tiles of rows, and the depth of one tile when sums run over samples.
 constexpr int group = 32;
-constexpr int groups = 4;                  // whose gradients of the weights are summed in one go
-constexpr int tile_values = 16 * 32;       // bfloat16 numbers of a tile
-constexpr int part = group * widest;       // of a group, in one layer
+constexpr int groups = 4;                   // whose gradients of the weights are summed in one go
+constexpr int tile_values = 16 * 32;        // bfloat16 numbers of a tile
+constexpr int part = group * widest;        // of a group, in one layer
 constexpr std::size_t tile_row_bytes = 64;  // of a tile stored by itself
 
 constexpr int deep(int width) {
@@ -60,8 +60,9 @@ void to_rows(const float* x, std::size_t row, int width, int count, Bits* to) {
 // group×width floats as the right operand of a sum over samples: for every 16 columns a tile of 16 rows, row j holding
 // samples 2j and 2j + 1 side by side.
 void to_pairs(const float* x, std::size_t row, int width, int count, Bits* to) {
-    alignas(64) static constexpr std::uint16_t order[32] = {0, 16, 1, 17, 2,  18, 3,  19, 4,  20, 5,  21, 6,  22, 7,  23,
-                                                            8, 24, 9, 25, 10, 26, 11, 27, 12, 28, 13, 29, 14, 30, 15, 31};
+    alignas(64) static constexpr std::uint16_t order[32] = {0,  16, 1,  17, 2,  18, 3,  19, 4,  20, 5,
+                                                            21, 6,  22, 7,  23, 8,  24, 9,  25, 10, 26,
+                                                            11, 27, 12, 28, 13, 29, 14, 30, 15, 31};
     const __m512i interleaved = _mm512_load_si512(order);
     for (int i = 0; i < width; i += 16, to += tile_values) {
         for (int j = 0; j < 16; ++j) {
@@ -383,8 +384,12 @@ void color_backward(const ColorNetwork& w, const float* features, const std::int
 
 namespace fieldgraft::amx {
 
-bool available() { return false; }
-std::size_t tiles_size(int, int) { return 0; }
+bool available() {
+    return false;
+}
+std::size_t tiles_size(int, int) {
+    return 0;
+}
 void pack_tiles(const float*, int, int, std::uint16_t*) {}
 void density_forward(const DensityNetwork&, const float*, int, float*) {}
 void density_backward(const DensityNetwork&, const float*, const float*, int, float*, float*, float*) {}

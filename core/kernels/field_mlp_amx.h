@@ -30,7 +30,7 @@ struct DensityNetwork {
 struct ColorNetwork {
     int features, hidden;
     const std::uint16_t *first, *second, *last, *first_back, *second_back;  // last: 3 columns, padded
-    const float* last_rows;                                                // 3×hidden
+    const float* last_rows;                                                 // 3×hidden
 };
 
 void density_forward(const DensityNetwork& network, const float* encoded, int n, float* features);

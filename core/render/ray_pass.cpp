@@ -90,7 +90,7 @@ void keep(const KernelField& field, const RayBlock& block, const Activations& a,
 
 void draw_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<float> color,
                 std::span<float> transmittance, std::span<float> depth) {
-    VisibleRays visible(field, cells, rays);
+    VisibleRays visible(field, cells, rays, VisibleRays::Encoded::dropped);
     RayBlock block;
     Activations a;
     while (visible.next(block)) {

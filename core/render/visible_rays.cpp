@@ -24,8 +24,8 @@ struct VisibleRays::Wave {
     std::unique_ptr<float[]> encoded, features, density;
 };
 
-VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays)
-    : field_(field), cells_(cells), rays_(rays), limit_(-std::log(rays.min_transmittance)) {
+VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays, Encoded encoded)
+    : field_(field), cells_(cells), rays_(rays), encoded_(encoded), limit_(-std::log(rays.min_transmittance)) {
     find();
     sort_by_ray();
 }
@@ -105,6 +105,7 @@ void VisibleRays::evaluate(Wave& wave) const {
     wave.density = std::make_unique_for_overwrite<float[]>(n);
     hash_grid_encode(*field_.grid, field_.table, wave.positions.data(), n, wave.encoded.get(), field_.encoded_row);
     density_mlp_forward(field_.weights, wave.encoded.get(), static_cast<int>(n), wave.features.get());
+    if (encoded_ == Encoded::dropped) wave.encoded.reset();
     for (std::size_t i = 0; i < n; ++i) {
         const float log_density = wave.features[i * field_.feature_row] + static_cast<float>(log_density_offset);
         // A NaN stays one.
@@ -149,7 +150,8 @@ void VisibleRays::gather(RayBlock& block) const {
     block.positions.resize(3 * samples);
     block.t.resize(samples);
     block.delta.assign(samples, static_cast<float>(rays_.march.step));
-    block.encoded.resize(samples * e);
+    const bool keep = encoded_ == Encoded::kept;
+    block.encoded.resize(keep ? samples * e : 0);
     block.features.resize(samples * f);
     block.density.resize(samples);
     std::size_t at = 0;
@@ -159,7 +161,7 @@ void VisibleRays::gather(RayBlock& block) const {
             const Segment& s = segments_[i];
             const Wave& w = *s.wave;
             const std::size_t n = w.t.size();
-            std::copy_n(w.encoded.get() + s.first * e, s.count * e, block.encoded.data() + at * e);
+            if (keep) std::copy_n(w.encoded.get() + s.first * e, s.count * e, block.encoded.data() + at * e);
             std::copy_n(w.features.get() + s.first * f, s.count * f, block.features.data() + at * f);
             std::copy_n(w.density.get() + s.first, s.count, block.density.data() + at);
             std::copy_n(w.t.data() + s.first, s.count, block.t.data() + at);

@@ -30,7 +30,7 @@ struct RayBlock {
     std::vector<std::int32_t> ray;    // N, counted from `begin`
     std::vector<float> positions;     // 3×N, unit cube
     std::vector<float> t, delta;      // N
-    std::vector<float> encoded;       // N rows
+    std::vector<float> encoded;       // N rows; none where they are not wanted
     std::vector<float> features;      // N rows
     std::vector<float> density;       // N
     std::vector<float> basis;         // one row a ray: spherical harmonics of its direction
@@ -41,7 +41,9 @@ struct RayBlock {
 
 class VisibleRays {
   public:
-    VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays);
+    enum class Encoded { kept, dropped };  // only gradients need it again
+    VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays,
+                Encoded encoded = Encoded::kept);
     ~VisibleRays();
 
     std::size_t samples() const { return start_.back(); }
@@ -68,6 +70,7 @@ class VisibleRays {
     const KernelField& field_;
     const MarchGrid& cells_;
     const RayRange rays_;
+    const Encoded encoded_;
     const double limit_;  // of the optical depth in front of a sample
     std::vector<double> depth_;
     std::vector<std::unique_ptr<Wave>> waves_;

@@ -1,11 +1,11 @@
 #include "core/train/trainer.h"
 
-#include <malloc.h>
 #include <sys/resource.h>
 
 #include <cmath>
 
 #include "core/base/errors.h"
+#include "core/base/memory.h"
 #include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 #include "core/render/render_view.h"
@@ -35,15 +35,6 @@ double peak_mib() {
 
 double psnr_of(double error) {
     return error > 0 ? -10 * std::log10(error) : std::numeric_limits<double>::infinity();
-}
-
-// Every iteration needs the same large blocks again: handing them back to the system in between costs a tenth of the
-// time in page faults.
-void keep_freed_memory() {
-#ifdef __GLIBC__
-    mallopt(M_MMAP_THRESHOLD, 1 << 30);
-    mallopt(M_TRIM_THRESHOLD, 1 << 30);
-#endif
 }
 
 class Trainer {

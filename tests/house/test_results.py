@@ -53,6 +53,10 @@ def test_regions_are_drawn_and_subtracted(tmp_path: Path) -> None:
 def test_the_page_shows_the_figures_of_the_file() -> None:
     page, report = results_page.PAGE.read_text(), json.loads(results_page.FIGURES.read_text())
     assert results_page.filled(page, report) == page, "run `python bench/results_page.py`"
+    speed_page, speed = results_page.SPEED_PAGE.read_text(), results_page.speed_report()
+    assert results_page.filled(speed_page, speed) == speed_page, "run `python bench/results_page.py`"
+    speed["speed"]["render"]["seconds_a_view"]["median"] += 1
+    assert results_page.filled(speed_page, speed) != speed_page
     other = json.loads(results_page.FIGURES.read_text())
     other["field"][0]["psnr"] += 1
     assert results_page.filled(page, other) != page

@@ -27,7 +27,8 @@ std::vector<double> halves(std::size_t count, unsigned seed) {
 std::vector<float> rows_of(const std::vector<double>& columns, int width, int n) {
     std::vector<float> rows(std::size_t(n) * padded(width), 0.0f);
     for (int s = 0; s < n; ++s) {
-        for (int i = 0; i < width; ++i) rows[std::size_t(s) * padded(width) + i] = float(columns[std::size_t(i) * n + s]);
+        for (int i = 0; i < width; ++i)
+            rows[std::size_t(s) * padded(width) + i] = float(columns[std::size_t(i) * n + s]);
     }
     return rows;
 }
@@ -120,7 +121,8 @@ TEST_P(FieldMlpAmx, ColorNetworkEqualsTheReferenceUpToRounding) {
     const auto& [shape, n] = GetParam();
     Networks net(shape);
     const int rays = std::max(1, n / 5), c = padded(shape.color_hidden), f = padded(shape.features);
-    const auto features = halves(std::size_t(shape.features) * n, 12), basis = halves(std::size_t(shape.basis) * rays, 13);
+    const auto features = halves(std::size_t(shape.features) * n, 12),
+               basis = halves(std::size_t(shape.basis) * rays, 13);
     std::vector<std::int32_t> ray;
     for (int i = 0; i < n; ++i) ray.push_back((i * 7 + i / 5) % rays);
     std::vector<double> input;
@@ -136,7 +138,7 @@ TEST_P(FieldMlpAmx, ColorNetworkEqualsTheReferenceUpToRounding) {
 
     const auto features_rows = rows_of(features, shape.features, n), basis_rows = rows_of(basis, shape.basis, rays);
     std::vector<float> base(std::size_t(rays) * c), hidden0(std::size_t(n) * c, NAN), hidden1 = hidden0,
-        found(3 * std::size_t(n), NAN);
+                                                                                      found(3 * std::size_t(n), NAN);
     ray_color_base(net.weights, basis_rows.data(), rays, base.data());
     color_mlp_forward(net.weights, features_rows.data(), ray.data(), base.data(), n, hidden0.data(), hidden1.data(),
                       found.data());
@@ -151,7 +153,8 @@ TEST_P(FieldMlpAmx, ColorNetworkEqualsTheReferenceUpToRounding) {
     std::vector<std::vector<double>> grads;
     for (const auto& m : net.matrices) grads.emplace_back(m.size(), 0.0);
     std::vector<double> input_grad(input.size());
-    mlp_backward<double>(layers, net.spans(2, 3), input, hidden, logit_grad, {grads[2], grads[3], grads[4]}, input_grad);
+    mlp_backward<double>(layers, net.spans(2, 3), input, hidden, logit_grad, {grads[2], grads[3], grads[4]},
+                         input_grad);
     const std::vector<double> features_grad(input_grad.begin() + std::ptrdiff_t(shape.basis) * n, input_grad.end());
     const auto three = [&](const std::vector<double>& columns) {
         std::vector<float> rows(3 * std::size_t(n));

@@ -1,0 +1,140 @@
+"""How fast the core is on a scene, each figure beside what the machine could do in the same run.
+
+    ./dev bench --page --scene DIR --field FIELD.safetensors [--edit EDIT.safetensors] [--only kernels,training,…]
+
+Writes docs/results/performance.json and the tables of docs/performance.md. Every figure is the median of its
+`--repeats` with the least and the greatest. `FIELD` is a trained field of the scene (a `./dev results` leaves one in its
+work folder).
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import statistics
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+import eager
+import results_page
+from run import commit, done_event, gemm_gflops
+
+ROOT = Path(__file__).resolve().parent.parent
+FIGURES = ROOT / "docs" / "results" / "performance.json"
+
+# Products of one sample, forward and backward: every weight is used three times (value, gradient of the input and of
+# the weight), two operations each.
+WEIGHTS = {"density": 32 * 64 + 64 * 16, "colour": 16 * 64 + 64 * 64 + 64 * 3}
+FLOPS_A_SAMPLE = 3 * 2 * sum(WEIGHTS.values())
+
+
+def spread(values: list[float], digits: int = 3) -> dict[str, float]:
+    shown = {"median": statistics.median(values), "min": min(values), "max": max(values)}
+    return {k: round(v, digits) for k, v in shown.items()}
+
+
+def processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "unknown")
+
+
+class Performance:
+    def __init__(self, args: Any) -> None:
+        self.args, self.program = args, args.program
+        self.report: dict[str, Any] = json.loads(FIGURES.read_text()) if FIGURES.exists() else {}
+
+    def run(self, *command: Any) -> dict[str, Any]:
+        return done_event([self.program, *command])
+
+    def save(self) -> None:
+        self.report["commit"] = commit()
+        part = FIGURES.with_suffix(".part")
+        part.write_text(json.dumps(self.report, indent=1) + "\n")
+        os.replace(part, FIGURES)
+
+    def machine(self) -> None:
+        self.report["machine"] = {
+            "processor": processor(),
+            "cores": os.cpu_count(),
+            "threads": self.args.threads,
+            "gemm_float32": gemm_gflops(self.args.threads),
+            "gemm_bfloat16": gemm_gflops(self.args.threads, bfloat16=True),
+        }
+
+    def kernels(self) -> None:
+        command = [self.program.parent / "kernel_bench", "--threads", str(self.args.threads), "--seconds", "1"]
+        done = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, check=True)
+        self.report["kernels"] = json.loads(done.stdout)
+
+    def train(self, folder: str, *flags: Any) -> dict[str, Any]:
+        return self.run("train", self.args.scene, "-o", Path(folder) / "f.safetensors", "--minutes", 1 / 3, *flags)
+
+    def training(self) -> None:
+        """Microseconds a fitted sample over the first 20 seconds, all included, in both precisions in turn."""
+        each: dict[str, list[float]] = {"bfloat16": [], "float32": []}
+        with tempfile.TemporaryDirectory() as folder:
+            for _ in range(self.args.repeats):
+                for precision, found in each.items():
+                    done = self.train(folder, "--threads", self.args.threads, "--precision", precision)
+                    found.append(done["seconds"] / done["samples"] * 1e6)
+        plain = eager.microseconds_a_sample(self.args.threads, 16)
+        self.report["training"] = {
+            "flops_a_sample": FLOPS_A_SAMPLE,
+            "gemm_float32": gemm_gflops(self.args.threads),
+            "pytorch_eager_microseconds_a_sample": plain,
+            "microseconds_a_sample": {p: spread(v) for p, v in each.items()},
+        }
+
+    def scaling(self) -> None:
+        """Samples fitted a second with one thread and with all, in turn."""
+        rates: dict[int, list[float]] = {1: [], self.args.threads: []}
+        with tempfile.TemporaryDirectory() as folder:
+            for _ in range(self.args.repeats):
+                for threads, found in rates.items():
+                    done = self.train(folder, "--threads", threads)
+                    found.append(done["samples"] / done["seconds"])
+        self.report["scaling"] = {f"samples_a_second_{t}": spread(v, 0) for t, v in rates.items()}
+
+    def render(self) -> None:
+        views = ["--scene", self.args.scene, "--split", "test", "--threads", self.args.threads]
+        seconds = [self.run("eval", self.args.field, *views)["seconds_per_view"] for _ in range(self.args.repeats)]
+        self.report["render"] = {"seconds_a_view": spread(seconds)}
+
+    def edit(self) -> None:
+        """S = 128, built-in guide: seconds an iteration, and of them f's and g's, of a recolouring and of all three."""
+        prompt = ["--source", "yellow bulldozer", "--target", "red bulldozer", "--scene", self.args.scene]
+        self.report["edit"] = {}
+        with tempfile.TemporaryDirectory() as folder:
+            for operations, iterations in (("change", 60), ("add,remove,change", 10)):
+                size = ["--iterations", iterations, "--patch", 128, "--threads", self.args.threads]
+                files = [self.args.field, "-o", Path(folder) / f"{operations}.safetensors"]
+                runs = [self.run("edit", *files, "--ops", operations, *prompt, *size) for _ in range(self.args.repeats)]
+                self.report["edit"][operations] = {
+                    "seconds_an_iteration": spread([r["seconds_per_iteration"] for r in runs]),
+                    "of_them_field_and_rendering": spread([r["field_seconds_per_iteration"] for r in runs]),
+                }
+
+    def bake(self) -> None:
+        files = [self.args.field] + ([self.args.edit] if self.args.edit else [])
+        with tempfile.TemporaryDirectory() as folder:
+            grid = ["-o", Path(folder) / "grid.vdb", "--resolution", 256, "--threads", self.args.threads]
+            done = [self.run("bake", *files, *grid) for _ in range(self.args.repeats)]
+        self.report["bake"] = {
+            "with_edit": self.args.edit is not None,
+            "seconds": spread([d["seconds"] for d in done]),
+            "voxels": done[-1]["voxels"],
+            "bytes": done[-1]["bytes"],
+        }
+
+
+def measure_all(args: Any) -> None:
+    performance = Performance(args)
+    performance.machine()
+    for name in args.only.split(","):
+        getattr(performance, name)()
+        performance.save()
+        print(json.dumps({name: performance.report[name]}), file=sys.stderr, flush=True)
+    results_page.main()
