@@ -3,7 +3,7 @@
     ./dev bench --page --scene DIR --field FIELD.safetensors [--edit EDIT.safetensors] [--only kernels,training,…]
 
 Writes docs/results/performance.json and the tables of docs/performance.md. Every figure is the median of its
-`--repeats` with the least and the greatest. `FIELD` is a trained field of the scene (a `./dev results` leaves one in its
+`--repeats` with the least and the greatest. FIELD is a trained field of the scene (`./dev results` leaves one in its
 work folder).
 """
 
