@@ -341,8 +341,9 @@ def test_shipped_figures_hold_on_a_small_held_out_set(name: str) -> None:
         assert figures[key] >= stated[key] - margin, f"{name}: {key} is {figures[key]:.3f}, the card says {stated[key]}"
 
 
-def test_one_minute_of_training_beats_chance(tmp_path: Path) -> None:
-    command = [sys.executable, str(MODELS / "train.py"), "--smoke", "--minutes", "1", "--checkpoints", str(tmp_path)]
+def test_a_minute_and_a_half_of_training_beats_chance(tmp_path: Path) -> None:
+    # In one minute a busy machine now and then did not get far enough with shapes.
+    command = [sys.executable, str(MODELS / "train.py"), "--smoke", "--minutes", "1.5", "--checkpoints", str(tmp_path)]
     done = subprocess.run(command, capture_output=True, text=True, timeout=280)
     assert done.returncode == 0, (done.stdout + done.stderr)[-2000:]
     assert json.loads(done.stdout.splitlines()[-1])["event"] == "done"
