@@ -2,7 +2,7 @@
 
 #include "core/base/errors.h"
 #include "core/edit/ray_sums.h"
-#include "core/edit/vote_grid.h"
+#include "core/field/cells.h"
 
 namespace fieldgraft {
 
@@ -27,11 +27,6 @@ Tensor kept_only(const Tensor& values, const Tensor& kept) {
 EditSamples subset(const EditSamples& edit, const Tensor& kept) {
     return {kept_only(edit.density_e, kept), kept_only(edit.color_e, kept), kept_only(edit.beta_density, kept),
             kept_only(edit.beta_color, kept)};
-}
-
-Tensor at_points(const Tensor& cells, const FieldGeometry& geometry, const Tensor& positions) {
-    const Tensor cell = cell_of(geometry, static_cast<int>(cells.size(0)), positions);
-    return cells.reshape(-1).index_select(0, cell.clamp_min(0)).to(at::kBool).logical_and(cell >= 0);
 }
 
 // Transmittance before each sample of whatever the edit cannot take away.
@@ -75,27 +70,31 @@ BaseMedium::BaseMedium(std::shared_ptr<const RadianceField> field, const std::ve
         stack_hashes_.push_back(edit.hash());
         if (stack_.back().active().add && edit.field->support().defined())
             occupancy_ =
-                union_of(occupancy_, resample_cells(edit.field->support(), static_cast<int>(occupancy_.size(0))));
+                union_of(occupancy_, resampled_cells(edit.field->support(), static_cast<int>(occupancy_.size(0))));
     }
     check_stack(*field_, stack_);
 }
 
 BaseSamples BaseMedium::sample(const RayBundle& rays, const BaseQuery& query) const {
     at::NoGradGuard no_gradients;
-    Tensor visited = occupancy_;
-    if (query.extra_cells.defined())
-        visited = union_of(visited, resample_cells(query.extra_cells, static_cast<int>(visited.size(0))));
+    EditCells cells = edit_cells(active_items(stack_));
+    if (query.extra_cells.defined()) cells.extra = joined_cells(cells.extra, query.extra_cells);
+    if (query.removable) {
+        const Tensor everywhere = at::ones({1, 1, 1}, at::kByte);
+        cells.transparent =
+            joined_cells(cells.transparent, query.acting_cells.defined() ? query.acting_cells : everywhere);
+    }
+    cells.extra_stride = query.extra_stride;
     std::vector<BaseSamples> parts;
     for (std::int64_t first = 0; first == 0 || first < rays.size(); first += most_rays)
         parts.push_back(sample_some(
             {rays.origins.slice(0, first, first + most_rays), rays.directions.slice(0, first, first + most_rays)},
-            query, visited));
+            query, cells));
     return joined(parts);
 }
 
-BaseSamples BaseMedium::sample_some(const RayBundle& rays, const BaseQuery& query, const Tensor& visited) const {
-    const Samples all = march(geometry(), visited, rays, query.march);
-    const auto [density_o, features] = field_->density(all.positions);
+BaseSamples BaseMedium::sample_some(const RayBundle& rays, const BaseQuery& query, const EditCells& cells) const {
+    const auto [all, density_o, features] = sample_visible(*field_, rays, query.march, cells);
     std::vector<EditSamples> edits;
     Tensor density = density_o;
     for (const StackItem& item : stack_) {
@@ -103,12 +102,11 @@ BaseSamples BaseMedium::sample_some(const RayBundle& rays, const BaseQuery& quer
         if (edits.back().beta_density.defined()) density = density * (1 - edits.back().beta_density);
         if (edits.back().density_e.defined()) density = density + edits.back().density_e;
     }
-    const Tensor acting = query.acting_cells.defined() ? at_points(query.acting_cells, geometry(), all.positions)
+    const Tensor acting = query.acting_cells.defined() ? in_cells(geometry(), query.acting_cells, all.positions)
                                                        : at::ones({all.size()}, at::kBool);
     // Where nothing is and nothing can be added, nothing needs to be composited.
     Tensor useful = density * all.delta > 1e-6;
-    if (query.extra_cells.defined())
-        useful = useful.logical_or(at_points(query.extra_cells, geometry(), all.positions));
+    if (query.extra_cells.defined()) useful = useful.logical_or(in_cells(geometry(), query.extra_cells, all.positions));
     const Tensor lasting = lasting_transmittance(all, density, acting, query.removable);
     const Tensor kept = useful.logical_and(lasting > query.march.min_transmittance).nonzero().squeeze(1);
 

@@ -25,6 +25,7 @@ struct BaseQuery {
     Tensor extra_cells;      // R³ uint8: visited beside the medium's own occupied cells; may be undefined
     Tensor acting_cells;     // R³ uint8: where the edit may act; undefined: everywhere
     bool removable = false;  // density in `acting_cells` may vanish, so what it hides is kept
+    int extra_stride = 1;    // so many steps through extra cells without density are one sample
     MarchOptions march;
 };
 
@@ -41,7 +42,7 @@ class BaseMedium {
     const std::vector<std::string>& stack_hashes() const { return stack_hashes_; }
 
   private:
-    BaseSamples sample_some(const RayBundle& rays, const BaseQuery& query, const Tensor& visited) const;
+    BaseSamples sample_some(const RayBundle& rays, const BaseQuery& query, const EditCells& cells) const;
 
     std::shared_ptr<const RadianceField> field_;
     EditStack stack_;

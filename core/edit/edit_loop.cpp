@@ -9,6 +9,7 @@
 #include "core/edit/edit_preview.h"
 #include "core/edit/edit_state.h"
 #include "core/edit/edit_step.h"
+#include "core/edit/first_color.h"
 #include "core/field/edit_support.h"
 
 namespace fieldgraft {
@@ -83,10 +84,25 @@ class EditTraining {
         }
         const Stopwatch watch;
         region_ = find_region(base_, *inputs_.guide, spec_, plan_, cameras_, inputs_.scene, reporter_);
-        setup_seconds_ = watch.seconds();
         Json event{{"event", "region"}};
         event.update(region_.to_json());
         reporter_.event(event);
+        cameras_.set_focus(region_.centre);
+        if (spec_.seek_first_color && (spec_.operations.add || spec_.operations.change)) seek_first_color();
+        setup_seconds_ = watch.seconds();
+    }
+
+    void seek_first_color() {
+        std::vector<FrozenPatch> patches;
+        for (std::uint64_t number = 0; number < 16 && patches.size() < 4; ++number) {
+            const FrozenPatch& patch = patches_.patch(number);
+            if (patch.area > 0 && patch.acting.size(0) > 0) patches.push_back(patch);
+        }
+        if (patches.empty()) return;  // the region is in none of them
+        const auto color =
+            best_first_color(patches, text_, spec_, plan_, longest_edge(base_.geometry()), Random(spec_.seed, 2));
+        field_->set_first_color(color);
+        reporter_.event({{"event", "first_color"}, {"color", color}});
     }
 
     // 0 … 1: how much of the run is over.

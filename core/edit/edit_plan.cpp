@@ -4,10 +4,11 @@ namespace fieldgraft {
 
 namespace {
 
-bool possible(const std::string& term, const Operations& operations) {
-    if (term == "global_edit") return operations.add || operations.change;  // no colour head, no Iᵉ
-    if (term == "reg") return operations.add;                               // entropy of E_add
-    if (term == "inside") return false;                                     // a part of `region`, not a term of its own
+bool possible(const std::string& term, const EditSpec& spec) {
+    const Operations& on = spec.operations;
+    if (term == "global_edit") return (on.add || on.change) && !spec.edit_text().empty();  // no colour head, no Iᵉ
+    if (term == "reg") return on.add;                                                      // entropy of E_add
+    if (term == "inside") return false;  // a part of `region`, not a term of its own
     return true;
 }
 
@@ -22,7 +23,7 @@ EditPlan EditPlan::compile(const EditSpec& spec) {
     if (on.remove) plan.heads.push_back("beta_density"), plan.maps.push_back("removed");
     if (on.change) plan.heads.push_back("beta_color"), plan.maps.push_back("changed");
     for (const std::string& name : EditSpec::known_weights())
-        if (spec.weight(name) > 0 && possible(name, on)) plan.terms.push_back({name, spec.weight(name)});
+        if (spec.weight(name) > 0 && possible(name, spec)) plan.terms.push_back({name, spec.weight(name)});
     plan.edit_image = plan.has("global_edit");
     plan.march_region = on.add;
     plan.geometry_fixed = on.change && !on.add && !on.remove;

@@ -42,6 +42,13 @@ void set_builtin_removal(EditSpec& spec) {
     spec.resolutions.push_back(64);
 }
 
+// A picture of the whole scene says little about which of its things is meant to be red; one of g by itself shows what
+// was added and nothing else.
+void set_builtin_addition(EditSpec& spec) {
+    spec.addition_alone = true;
+    spec.weights["global_edit"] = 1;
+}
+
 void set_builtin(EditSpec& spec) {
     spec.weights = {{"dir", 2},    {"global", 0.25}, {"global_edit", 0}, {"region", 1},
                     {"inside", 1}, {"opacity", 2},   {"reg", 0.5},       {"smooth", 0.1}};
@@ -62,6 +69,7 @@ void set_builtin(EditSpec& spec) {
     spec.camera_pool = 96;
     spec.removed = RemovedMap::visible;
     spec.resolutions = {8, 16, 32};
+    spec.seek_first_color = true;
     // At 1e-2 a β that starts at 0.02 reached a quarter in 120 iterations: too little to be seen.
     spec.learning_rate = 2e-2;
     spec.learning_rate_end = 2e-3;
@@ -69,6 +77,7 @@ void set_builtin(EditSpec& spec) {
     spec.nominal_iterations = 600;
     const Operations& on = spec.operations;
     if (on.remove && !on.add && !on.change) set_builtin_removal(spec);
+    if (on.add && !on.remove && !on.change) set_builtin_addition(spec);
 }
 
 }  // namespace

@@ -25,7 +25,12 @@ Tensor RenderedEdit::map_sum() const {
 
 RenderedEdit render_edit(const EditField& edit, const FrozenPatch& patch, const EditPlan& plan,
                          const BlendOptions& options, const Tensor& background) {
-    const EditSamples acting = edit.evaluate(patch.samples.positions.index_select(0, patch.acting));
+    return render_samples(edit.evaluate(patch.samples.positions.index_select(0, patch.acting)), patch, plan, options,
+                          background);
+}
+
+RenderedEdit render_samples(const EditSamples& acting, const FrozenPatch& patch, const EditPlan& plan,
+                            const BlendOptions& options, const Tensor& background) {
     const std::int64_t count = patch.samples.size();
     const EditSamples g{spread(acting.density_e, patch.acting, count), spread(acting.color_e, patch.acting, count),
                         spread(acting.beta_density, patch.acting, count),

@@ -19,6 +19,9 @@ struct RenderedEdit {
 
 RenderedEdit render_edit(const EditField& edit, const FrozenPatch& patch, const EditPlan& plan,
                          const BlendOptions& options, const Tensor& background);
+// The same for values of g that are already known at the patch's acting samples.
+RenderedEdit render_samples(const EditSamples& acting, const FrozenPatch& patch, const EditPlan& plan,
+                            const BlendOptions& options, const Tensor& background);
 
 // The jitter penalty of g at up to `count` of the patch's acting samples, `distance` in model units
 // (field/edit_support.h). Keeps colours even where the text is silent.

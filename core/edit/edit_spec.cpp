@@ -48,6 +48,20 @@ void EditSpec::set_weight(const std::string& name, double value) {
     weights[name] = value;
 }
 
+std::string EditSpec::edit_text() const {
+    if (!addition_alone) return target;
+    const std::string wanted = lower(target), thing = lower(source), with = " with ";
+    const std::size_t found = wanted.find(thing);
+    const std::size_t begin = wanted.find(with, found == std::string::npos ? 0 : found + thing.size());
+    if (begin == std::string::npos) return "";
+    std::string added = target.substr(begin + with.size());
+    for (const std::string place : {"on top", "on top of it", "on it", "above it"}) {
+        if (lower(added).ends_with(place)) added.resize(added.size() - place.size());
+    }
+    while (!added.empty() && std::isspace(static_cast<unsigned char>(added.back()))) added.pop_back();
+    return added;
+}
+
 Placement EditSpec::resolved_placement() const {
     if (placement != Placement::automatic) return placement;
     // What sits on top of a thing rather than all over it.

@@ -51,6 +51,7 @@ struct EditSpec {
     RegionSource region_source = RegionSource::segmenter;
     RegionFusion region_fusion = RegionFusion::fused;
     Placement placement = Placement::automatic;
+    bool addition_alone = false;  // Iᵉ is compared with what `target` adds, not with all of it (edit_text)
     bool confine = true;  // g is exactly 0 outside the dilated region, already while training (fused regions only)
     int region_views = 20;
     std::vector<UserMask> masks;
@@ -67,6 +68,7 @@ struct EditSpec {
     RemovedMap removed = RemovedMap::paper;
 
     std::vector<int> resolutions{8, 16, 32};  // g's grids
+    bool seek_first_color = false;            // g starts in the colour of a palette that the guide likes best
     double fade_levels = 0;                   // share of the schedule over which the finer levels fade in
     double learning_rate = 1e-3, learning_rate_end = 1e-4;
     int learning_rate_iterations = 1000;
@@ -87,6 +89,9 @@ struct EditSpec {
     double weight(const std::string& name) const { return weights.at(name); }
     void set_weight(const std::string& name, double value);  // InputError for an unknown name or a negative value
     const std::string& segmented_text() const { return region_text.empty() ? source : region_text; }
+    // What Iᵉ is compared with: `target`, or with addition_alone what it says after "with": "bulldozer with a red ball
+    // on top" gives "a red ball". Empty where it says nothing of the kind: then there is no Iᵉ.
+    std::string edit_text() const;
     int dilations() const { return dilation >= 0 ? dilation : operations.add ? 10 : 3; }
     Placement resolved_placement()
         const;  // automatic: `above` when the target speaks of a hat, a crown, "on top", "above" …

@@ -38,6 +38,7 @@ void visit_fields(Spec& s, Visit&& visit) {
     visit("region_source", s.region_source);
     visit("region_fusion", s.region_fusion);
     visit("placement", s.placement);
+    visit("addition_alone", s.addition_alone);
     visit("confine", s.confine);
     visit("region_views", s.region_views);
     visit("reg_from", s.reg_from);
@@ -49,6 +50,7 @@ void visit_fields(Spec& s, Visit&& visit) {
     visit("compositing", s.compositing);
     visit("removed", s.removed);
     visit("resolutions", s.resolutions);
+    visit("seek_first_color", s.seek_first_color);
     visit("fade_levels", s.fade_levels);
     visit("learning_rate", s.learning_rate);
     visit("learning_rate_end", s.learning_rate_end);

@@ -10,6 +10,8 @@ namespace fieldgraft {
 
 namespace {
 
+constexpr int steps_outside =
+    4;  // of a march outside f's cells that become one sample: g is smooth, its cells are large
 constexpr std::size_t most_bytes = 1'500'000'000;
 
 std::size_t bytes_of(const FrozenPatch& patch) {
@@ -69,6 +71,7 @@ FrozenPatch PatchSource::make(const RayBundle& rays, int size, bool per_view_mas
     query.extra_cells = region_.volume;
     query.acting_cells = region_.confine;
     query.removable = plan_.operations.remove;
+    query.extra_stride = steps_outside;
     BaseSamples base = base_.sample(rays, query);
     FrozenPatch patch;
     patch.size = size;

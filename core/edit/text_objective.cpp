@@ -18,7 +18,12 @@ Tensor channels_first(const Tensor& image) {
 }  // namespace
 
 TextObjective::TextObjective(std::shared_ptr<Guidance> guide, const EditSpec& spec, const EditPlan& plan)
-    : guide_(std::move(guide)), plan_(plan), source_(spec.source), target_(spec.target), copies_(spec.augmentations) {
+    : guide_(std::move(guide)),
+      plan_(plan),
+      source_(spec.source),
+      target_(spec.target),
+      edit_(spec.edit_text()),
+      copies_(spec.augmentations) {
     guide_->check_prompts(source_, target_);
 }
 
@@ -28,7 +33,8 @@ TextObjective::Texts TextObjective::draw_texts(Random& random) const {
     const int count = 1 + static_cast<int>(random.below(static_cast<std::uint32_t>(most)));
     const std::vector<std::string> chosen = choose_templates(known, random, count);
     return {mean_text(guide_->encode_text(expand(source_, chosen))),
-            mean_text(guide_->encode_text(expand(target_, chosen)))};
+            mean_text(guide_->encode_text(expand(target_, chosen))),
+            plan_.edit_image ? mean_text(guide_->encode_text(expand(edit_, chosen))) : Tensor()};
 }
 
 TextTerms TextObjective::evaluate(const EditImages& images, const Tensor& background, Random& random) const {
@@ -52,7 +58,7 @@ TextTerms TextObjective::evaluate(const EditImages& images, const Tensor& backgr
         terms.dir = directional_loss(original, blended, texts.source, texts.target);
     }
     if (plan_.has("global")) terms.global = global_loss(blended, texts.target);
-    if (plan_.edit_image) terms.global_edit = global_loss(embedded.slice(0, copies_), texts.target);
+    if (plan_.edit_image) terms.global_edit = global_loss(embedded.slice(0, copies_), texts.edit);
     return terms;
 }
 

@@ -22,12 +22,16 @@ struct Head {
     double bias;  // of z at the start
 };
 
+// z with sigmoid(8 tanh(z/8)) = value.
+double bounded_bias(double value) {
+    return logit_bound * std::atanh(std::log(value / (1 - value)) / logit_bound);
+}
+
 // The heads that the operations need, in the order in which they lie in the network's output.
 std::vector<Head> heads_of(const EditFieldConfig& config) {
     const Operations& on = config.operations;
-    // z with sigmoid(8 tanh(z/8)) = initial_beta, and with softplus(z) = initial_density.
-    const double beta_logit = std::log(config.initial_beta / (1 - config.initial_beta));
-    const double beta_bias = logit_bound * std::atanh(beta_logit / logit_bound);
+    const double beta_bias = bounded_bias(config.initial_beta);
+    // softplus(z) = initial_density.
     const double density_bias = std::log(std::expm1(config.initial_density));
     std::vector<Head> heads;
     if (on.add) heads.push_back({"density_e", 1, density_bias});
@@ -201,6 +205,13 @@ EditSamples EditField::evaluate_inside(const Tensor& positions) const {
         row += head.size;
     }
     return out;
+}
+
+void EditField::set_first_color(const std::array<float, 3>& color) {
+    const auto bias = parameters_.find("color_e.bias");
+    if (bias == parameters_.end()) throw std::logic_error("the edit has no colour of its own");
+    at::NoGradGuard no_grad;
+    for (int c = 0; c < 3; ++c) bias->second[c].fill_(bounded_bias(color[c]));
 }
 
 void EditField::set_level_weights(std::vector<float> weights) {

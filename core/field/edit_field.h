@@ -12,6 +12,7 @@
 // Differentiable in the parameters, not in the positions. Bits do not depend on the number of threads in the encoding.
 #pragma once
 
+#include <array>
 #include <filesystem>
 #include <map>
 #include <memory>
@@ -64,6 +65,9 @@ class EditField {
     const std::map<std::string, Tensor>& parameters() const { return parameters_; }
     const EditFieldConfig& config() const { return config_; }
     const FieldGeometry& geometry() const { return geometry_; }
+    // Sets the head's bias so that cᵉ starts near `color` (in (0, 1)) everywhere. Throws std::logic_error without a
+    // head.
+    void set_first_color(const std::array<float, 3>& color);
     // Weights 0…1 a level: how far the smoothness schedule has faded each level in (folded into the table when saved).
     void set_level_weights(std::vector<float> weights);
     const std::vector<float>& level_weights() const { return level_weights_; }

@@ -237,7 +237,9 @@ FieldMlpWeights::FieldMlpWeights(const FieldMlpShape& shape, Precision precision
     : shape_(shape), precision_(precision) {
     shape.check();
     const int largest = std::max({shape.encoded, shape.hidden, shape.features, shape.color_hidden});
-    if (!amx::available() || padded(largest) > amx::widest) precision_ = Precision::float32;
+    if (padded(largest) > amx::widest || (precision == Precision::bfloat16 && !amx::available())) {
+        precision_ = Precision::float32;
+    }
     const auto& s = shape;
     density0.resize(area(s.encoded, s.hidden));
     density0_back.resize(area(s.encoded, s.hidden));

@@ -119,16 +119,4 @@ BlendedRays render_blended_view(const RadianceField& field, const EditStack& sta
     return out;
 }
 
-PatchOut render_patch(const MediumSamples& medium, const StackItem& edit, const BlendOptions& options) {
-    const Samples& samples = medium.samples;
-    PatchOut out;
-    {
-        at::NoGradGuard no_grad;
-        out.original = composite(samples.start, samples.delta, samples.t, medium.density, medium.color);
-    }
-    out.edit = evaluate(edit, samples.positions);
-    out.blended = blend(samples.start, samples.delta, medium.density, medium.color, out.edit, options);
-    return out;
-}
-
 }  // namespace fieldgraft

@@ -1,4 +1,4 @@
-// Pictures of a field under a stack of edits, and patches of one for training an edit.
+// Pictures of a field under a stack of edits.
 //
 // Colours are premultiplied and carry no background (over_background_color adds it). Maps are those of math in blend.h.
 // **No edit, bit for bit**: render_blended_rays draws every ray through render_rays (f's own code path) and then draws
@@ -33,13 +33,5 @@ BlendedRays render_blended_view(const RadianceField& field, const EditStack& sta
 // R bool: the rays with a sample in a cell where an active edit acts.
 Tensor touched_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
                     const MarchOptions& options);
-
-// For training: one patch of rays through `medium` (sample_medium with the edit as `top`), differentiable in g's heads.
-struct PatchOut {
-    BlendOut blended;
-    EditSamples edit;       // g at medium.samples, with its graph
-    CompositeOut original;  // the medium below alone, no gradient
-};
-PatchOut render_patch(const MediumSamples& medium, const StackItem& edit, const BlendOptions& options);
 
 }  // namespace fieldgraft

@@ -5,6 +5,7 @@
 #include "core/base/errors.h"
 #include "core/base/shape.h"
 #include "core/base/spans.h"
+#include "core/field/cells.h"
 #include "core/field/kernel_field.h"
 #include "core/field/torch_parallel.h"
 
@@ -26,8 +27,82 @@ struct Wave {
     Tensor density, features;
 };
 
+// All samples of a march through f's cells and others, and which of them lie in f's.
+struct Marched {
+    Samples all;
+    Tensor occupied;  // N bool; undefined: all
+};
+
+// Joins runs of `stride` steps outside f's cells, counted from the camera, into one sample each.
+Marched joined_empty_steps(const Marched& marched, double near, double step, int stride) {
+    const Samples& all = marched.all;
+    const std::int64_t rays = all.start.size(0) - 1;
+    const std::int64_t* from = all.start.const_data_ptr<std::int64_t>();
+    const float* t = all.t.const_data_ptr<float>();
+    const bool* occupied = marched.occupied.const_data_ptr<bool>();
+    // Steps from k on that become one sample: stride or 1.
+    const auto run = [&](std::int64_t k, std::int64_t end) -> std::int64_t {
+        const auto group = [&](std::int64_t i) { return static_cast<std::int64_t>((t[i] - near) / step) / stride; };
+        if (occupied[k] || k + stride > end) return 1;
+        for (std::int64_t i = k; i < k + stride; ++i) {
+            if (occupied[i] || group(i) != group(k)) return 1;
+        }
+        return stride;
+    };
+    Tensor counts = at::zeros({rays}, at::kLong);
+    std::int64_t* count = counts.mutable_data_ptr<std::int64_t>();
+    at::parallel_for(0, rays, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) {
+            for (std::int64_t k = from[r]; k < from[r + 1]; k += run(k, from[r + 1])) ++count[r];
+        }
+    });
+    Marched out;
+    out.all.start = prefix_sums(counts);
+    const std::int64_t* to = out.all.start.const_data_ptr<std::int64_t>();
+    const std::int64_t total = to[rays];
+    out.all.ray = at::empty({total}, at::kLong);
+    out.all.positions = at::empty({total, 3}, at::kFloat);
+    out.all.t = at::empty({total}, at::kFloat);
+    out.all.delta = at::empty({total}, at::kFloat);
+    out.occupied = at::empty({total}, at::kBool);
+    const float *positions = all.positions.const_data_ptr<float>(), *delta = all.delta.const_data_ptr<float>();
+    at::parallel_for(0, rays, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) {
+            std::int64_t i = to[r];
+            for (std::int64_t k = from[r], n; k < from[r + 1]; k += n, ++i) {
+                n = run(k, from[r + 1]);
+                const std::int64_t last = k + n - 1;
+                out.all.ray.mutable_data_ptr<std::int64_t>()[i] = r;
+                out.all.t.mutable_data_ptr<float>()[i] = 0.5f * (t[k] + t[last]);
+                out.all.delta.mutable_data_ptr<float>()[i] = static_cast<float>(n) * delta[k];
+                for (int c = 0; c < 3; ++c) {
+                    out.all.positions.mutable_data_ptr<float>()[3 * i + c] =
+                        0.5f * (positions[3 * k + c] + positions[3 * last + c]);
+                }
+                out.occupied.mutable_data_ptr<bool>()[i] = occupied[k];
+            }
+        }
+    });
+    return out;
+}
+
+Marched march_with(const RadianceField& field, const RayBundle& rays, const MarchOptions& options,
+                   const EditCells& cells) {
+    const Tensor& own = field.occupancy();
+    if (!cells.extra.defined() || !own.defined()) return {march(field.geometry(), own, rays, options), {}};
+    const bool everywhere = cells.extra.ne(0).all().item<bool>();
+    const Tensor visited =
+        everywhere ? Tensor() : union_of(own, resampled_cells(cells.extra, static_cast<int>(own.size(0))));
+    Marched marched{march(field.geometry(), visited, rays, options), {}};
+    marched.occupied = in_cells(field.geometry(), own, marched.all.positions);
+    if (cells.extra_stride == 1) return marched;
+    return joined_empty_steps(marched, options.near, march_step(field.geometry(), options), cells.extra_stride);
+}
+
 // The state of a march in depth waves: how far each ray has been looked at and what lies in front of that point.
 struct Front {
+    const Marched& marched;
+    Tensor transparent;
     const Samples& all;
     double depth_limit;
     std::vector<std::int64_t> reached;  // first sample of a ray that was not looked at
@@ -36,7 +111,8 @@ struct Front {
     std::vector<std::int64_t> active;   // rays that still see on
 };
 
-// Walks ray r's n new samples: how many of them are visible, and whether the ray goes on past them.
+// Walks ray r's n new samples: how many of them are visible, and whether the ray goes on past them. density: of what
+// hides.
 bool advance_ray(Front& front, std::int64_t r, std::int64_t n, const float* density) {
     const float* delta = front.all.delta.const_data_ptr<float>() + front.reached[r];
     double depth = front.depth[r];
@@ -49,6 +125,19 @@ bool advance_ray(Front& front, std::int64_t r, std::int64_t n, const float* dens
     return depth <= front.depth_limit && front.reached[r] < front.all.start.const_data_ptr<std::int64_t>()[r + 1];
 }
 
+// f's density and features at the positions; 0 at those that `occupied` (bytes, undefined: all are) does not mark.
+std::pair<Tensor, Tensor> own_density(const RadianceField& field, const Tensor& positions, const Tensor& occupied) {
+    const Tensor rows = occupied.defined() ? occupied.nonzero().squeeze(1) : Tensor();
+    if (!rows.defined() || rows.size(0) == positions.size(0)) {
+        const auto out = field.density(positions);
+        return {out.density, out.features.contiguous()};
+    }
+    const auto part = field.density(positions.index_select(0, rows));
+    Tensor density = at::zeros({positions.size(0)}, at::kFloat);
+    Tensor features = at::zeros({positions.size(0), part.features.size(1)}, at::kFloat);
+    return {density.index_copy_(0, rows, part.density), features.index_copy_(0, rows, part.features)};
+}
+
 // Evaluates the next `length` samples of every active ray, then keeps the rays that can see past them.
 Wave advance(Front& front, const RadianceField& field, std::int64_t length) {
     const std::int64_t* start = front.all.start.const_data_ptr<std::int64_t>();
@@ -58,19 +147,25 @@ Wave advance(Front& front, const RadianceField& field, std::int64_t length) {
         const std::int64_t r = wave.rays[i];
         wave.offset[i + 1] = wave.offset[i] + std::min(length, start[r + 1] - front.reached[r]);
     }
+    const bool mixed = front.marched.occupied.defined();
     Tensor positions = at::empty({wave.offset[count], 3}, at::kFloat);
+    Tensor occupied = mixed ? at::empty({wave.offset[count]}, at::kBool) : Tensor();
     const float* source = front.all.positions.const_data_ptr<float>();
     float* target = positions.mutable_data_ptr<float>();
     at::parallel_for(0, count, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
-            const float* from = source + 3 * front.reached[wave.rays[i]];
-            std::copy(from, from + 3 * (wave.offset[i + 1] - wave.offset[i]), target + 3 * wave.offset[i]);
+            const std::int64_t first = front.reached[wave.rays[i]], n = wave.offset[i + 1] - wave.offset[i];
+            std::copy_n(source + 3 * first, 3 * n, target + 3 * wave.offset[i]);
+            if (!mixed) continue;
+            const bool* marks = front.marched.occupied.const_data_ptr<bool>() + first;
+            std::copy_n(marks, n, occupied.mutable_data_ptr<bool>() + wave.offset[i]);
         }
     });
-    const auto out = field.density(positions);
-    wave.density = out.density;
-    wave.features = out.features.contiguous();
-    const float* density = wave.density.const_data_ptr<float>();
+    std::tie(wave.density, wave.features) = own_density(field, positions, occupied);
+    Tensor hiding = wave.density;
+    if (front.transparent.defined())
+        hiding = hiding * in_cells(field.geometry(), front.transparent, positions).logical_not();
+    const float* density = hiding.const_data_ptr<float>();
     std::vector<char> on(count);
     at::parallel_for(0, count, rays_per_march, [&](std::int64_t begin, std::int64_t end) {
         for (std::int64_t i = begin; i < end; ++i) {
@@ -195,13 +290,23 @@ Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayB
     return samples;
 }
 
-VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options) {
+VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options,
+                              const EditCells& cells) {
     at::NoGradGuard no_grad;
     check_transmittance(options);
+    if (cells.extra_stride < 1) throw std::invalid_argument("extra_stride must be at least 1");
     const double depth_limit = -std::log(options.min_transmittance);  // infinite at 0: everything is visible
-    const Samples all = march(field.geometry(), field.occupancy(), rays, options);
+    const Marched marched = march_with(field, rays, options, cells);
+    const Samples& all = marched.all;
     const std::int64_t count = rays.size();
-    Front front{all, depth_limit, {}, std::vector<double>(count, 0.0), std::vector<std::int64_t>(count, 0), {}};
+    Front front{marched,
+                cells.transparent,
+                all,
+                depth_limit,
+                {},
+                std::vector<double>(count, 0.0),
+                std::vector<std::int64_t>(count, 0),
+                {}};
     const std::int64_t* start = all.start.const_data_ptr<std::int64_t>();
     front.reached.assign(start, start + count);
     for (std::int64_t r = 0; r < count; ++r) {
@@ -215,6 +320,12 @@ VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays,
     out.samples = first_samples(all, prefix_sums(at::from_blob(front.visible.data(), {count}, at::kLong)));
     gather(waves, front, field.config().feature_size, out);
     return out;
+}
+
+Tensor joined_cells(const Tensor& cells, const Tensor& more) {
+    if (!cells.defined()) return more;
+    const int finer = static_cast<int>(std::max(cells.size(0), more.size(0)));
+    return union_of(resampled_cells(cells, finer), resampled_cells(more, finer));
 }
 
 Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b) {

@@ -32,6 +32,13 @@ double march_step(const FieldGeometry& geometry, const MarchOptions& options);
 Samples march(const FieldGeometry& geometry, const Tensor& occupancy, const RayBundle& rays,
               const MarchOptions& options);
 
+// What an edit needs beside f's own samples. Grids of cells over the box at any resolution, uint8.
+struct EditCells {
+    Tensor extra;          // where density may be added: marched beside f's occupied cells; f's density is 0 there
+    Tensor transparent;    // where density may be taken away: what is here hides nothing
+    int extra_stride = 1;  // so many steps outside f's cells become one sample of their joint length
+};
+
 // march(), then f's densities without gradients, then only the samples a ray can see (transmittance before the sample
 // above min_transmittance). Exact: transmittances are of the full march.
 struct VisibleSamples {
@@ -39,8 +46,11 @@ struct VisibleSamples {
     Tensor density;   // N, f's, no gradient
     Tensor features;  // N×feature_size, f's, no gradient
 };
-VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options);
+VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options,
+                              const EditCells& cells = {});
 
+// OR of two grids at the finer one's resolution; the second where the first is undefined.
+Tensor joined_cells(const Tensor& cells, const Tensor& more);
 // OR of two grids, and the grid grown by n cells in every direction.
 Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b);
 Tensor dilated(const Tensor& occupancy, int cells);

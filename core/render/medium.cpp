@@ -8,20 +8,6 @@
 namespace fieldgraft {
 namespace {
 
-// The items that add, their cells in one grid of f's resolution; undefined where nothing is added.
-Tensor cells_to_visit(const RadianceField& field, const EditStack& items, const MediumOptions& options) {
-    const Tensor& occupancy = field.occupancy();
-    Tensor cells;
-    for (const StackItem& item : items) {
-        if (!item.active().add) continue;
-        const Tensor& own = item.field->support().defined() ? item.field->support() : options.add_region;
-        if (!own.defined() || !occupancy.defined()) return at::ones({1, 1, 1}, at::kByte);  // the whole box
-        const Tensor resampled = resampled_cells(own, static_cast<int>(occupancy.size(0)));
-        cells = cells.defined() ? union_of(cells, resampled) : resampled;
-    }
-    return cells;
-}
-
 void select_rows(VisibleSamples& visible, const Tensor& index) {
     for (Tensor* rows : {&visible.samples.ray, &visible.samples.positions, &visible.samples.t, &visible.samples.delta,
                          &visible.density, &visible.features}) {
@@ -65,40 +51,6 @@ std::vector<std::uint8_t> seen(const Samples& samples, const Tensor& density, do
         }
     }
     return keep;
-}
-
-// f's visible samples put in order among those of a march through more cells; where f has none its density is 0. Both
-// marches count the same steps, so a sample that is in both has the same t, bit for bit.
-VisibleSamples merged(const VisibleSamples& own, const Samples& all, double min_transmittance) {
-    const double limit = -std::log(min_transmittance);
-    const auto own_start = own.samples.start.accessor<std::int64_t, 1>();
-    const auto all_start = all.start.accessor<std::int64_t, 1>();
-    const float *own_t = own.samples.t.const_data_ptr<float>(), *all_t = all.t.const_data_ptr<float>();
-    const float *density = own.density.const_data_ptr<float>(), *delta = own.samples.delta.const_data_ptr<float>();
-    std::vector<std::uint8_t> keep(static_cast<std::size_t>(all.size()), 0);
-    std::vector<std::int64_t> target;  // rows of `all` that f's samples are
-    target.reserve(static_cast<std::size_t>(own.samples.size()));
-    for (std::int64_t r = 0; r + 1 < all.start.size(0); ++r) {
-        double depth = 0;
-        std::int64_t mine = own_start[r];
-        for (std::int64_t k = all_start[r]; k < all_start[r + 1] && depth <= limit; ++k) {
-            keep[static_cast<std::size_t>(k)] = 1;
-            if (mine == own_start[r + 1] || own_t[mine] != all_t[k]) continue;
-            target.push_back(k);
-            depth += std::min(static_cast<double>(density[mine]) * delta[mine], 1e30);
-            ++mine;
-        }
-        if (mine != own_start[r + 1]) throw Failure("the marches of field and edit do not match");
-    }
-    const Tensor rows = torch::tensor(target, at::kLong);
-    VisibleSamples out{all, at::zeros({all.size()}, at::kFloat),
-                       at::zeros({all.size(), own.features.size(1)}, at::kFloat)};
-    out.density.index_copy_(0, rows, own.density);
-    out.features.index_copy_(0, rows, own.features);
-    const Tensor start = packed_start(all.start, keep);
-    select_rows(out, kept_rows(keep));
-    out.samples.start = start;
-    return out;
 }
 
 // σ of f with everything taken away that the items may remove, and nothing added: a bound on what can be seen.
@@ -189,25 +141,27 @@ Medium blended_medium(const Medium& below, const EditSamples& edit) {
     return out;
 }
 
+EditCells edit_cells(const EditStack& items) {
+    EditCells cells;
+    for (const StackItem& item : items) {
+        const Tensor& own = item.field->support();
+        const Tensor support = own.defined() ? own : at::ones({1, 1, 1}, at::kByte);
+        if (item.active().add) cells.extra = joined_cells(cells.extra, support);
+        if (item.active().remove) cells.transparent = joined_cells(cells.transparent, support);
+    }
+    return cells;
+}
+
 MediumSamples sample_stack(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
                            const MediumOptions& options) {
     at::NoGradGuard no_grad;
     check_stack(field, stack);
     const EditStack items = active_items(stack);
-    bool removes = false;
-    for (const StackItem& item : items) removes = removes || item.active().remove;
-    MarchOptions march_options = options.march, again = options.march;
-    if (removes) march_options.min_transmittance = 0;  // anything may be uncovered
-    std::optional<Random> same_jitter;
-    if (options.march.jitter != nullptr) again.jitter = &same_jitter.emplace(*options.march.jitter);
-
-    VisibleSamples visible = sample_visible(field, rays, march_options);
-    const Tensor extra = cells_to_visit(field, items, options);
-    if (extra.defined()) {
-        const bool everywhere = extra.size(0) == 1;
-        const Tensor cells = everywhere ? Tensor() : union_of(field.occupancy(), extra);
-        visible = merged(visible, march(field.geometry(), cells, rays, again), march_options.min_transmittance);
-    }
+    const EditCells cells = edit_cells(items);
+    const bool removes = cells.transparent.defined();
+    MarchOptions march_options = options.march;
+    if (removes && options.keep_hidden) march_options.min_transmittance = 0;
+    VisibleSamples visible = sample_visible(field, rays, march_options, cells);
     std::vector<std::uint8_t> lit(static_cast<std::size_t>(visible.samples.size()), 1);
     if (removes) {
         const Tensor uncovered = uncovered_density(items, visible.samples.positions, visible.density);
@@ -220,19 +174,6 @@ MediumSamples sample_stack(const RadianceField& field, const EditStack& stack, c
         }
     }
     return {visible.samples, visible.density, sample_colors(field, visible, rays, lit, options.color)};
-}
-
-MediumSamples sample_medium(const RadianceField& field, const EditStack& below, const StackItem& top,
-                            const RayBundle& rays, const MediumOptions& options) {
-    at::NoGradGuard no_grad;
-    EditStack all = below;
-    all.push_back(top);
-    MediumSamples out = sample_stack(field, all, rays, options);
-    Medium medium{out.density, out.color};
-    for (const StackItem& item : active_items(below)) {
-        medium = blended_medium(medium, evaluate(item, out.samples.positions));
-    }
-    return {out.samples, medium.density, medium.color};
 }
 
 }  // namespace fieldgraft

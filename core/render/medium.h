@@ -4,9 +4,9 @@
 //   σ⁽ⁿ⁾ = (1 − βσ) σ + σᵉ      c⁽ⁿ⁾ = ((1 − βσ) σ ((1 − βc) c + βc cᵉ) + σᵉ cᵉ)/σ⁽ⁿ⁾      (σ, c of level n − 1)
 // the conserving mixture, exactly (σ, c) where g is 0. Strengths scale σᵉ, βσ, βc; a head of strength 0 does not exist.
 //
-// Marching: f's occupied cells, plus the cells where an edit may add density (there σᵒ = 0 where f is unoccupied).
-// Samples behind transmittance march.min_transmittance are left out; what an edit removes is taken away first, so that
-// what it uncovers is there. Nothing here is differentiable. Lengths in model units; colours carry no background.
+// Marching: f's occupied cells, plus the cells where an edit may add density (there σ of f is 0). Samples behind
+// transmittance march.min_transmittance are left out; what an edit may remove hides nothing, so that what it uncovers
+// is there. Nothing here is differentiable. Lengths in model units; colours carry no background.
 #pragma once
 
 #include <functional>
@@ -50,13 +50,14 @@ using SampleColor = std::function<Tensor(const Tensor& features, const Tensor& p
 
 struct MediumOptions {
     MarchOptions march;
-    Tensor add_region;  // R×R×R uint8: where an edit without support may add; undefined: the whole box
     bool keep_hidden =
         false;          // keep samples no light comes from (colour 0): `removed` as the paper has it sums over them
     SampleColor color;  // none: f's own
 };
 
-// One packed set of samples and the medium there, all of `below` baked in.
+// Where the items may add and where they may take away, for sample_visible. An item without support acts everywhere.
+EditCells edit_cells(const EditStack& items);
+
 struct MediumSamples {
     Samples samples;
     Tensor density, color;  // N, N×3, no gradient
@@ -65,8 +66,5 @@ struct MediumSamples {
 // f alone, at samples that include all that the items may add and may uncover.
 MediumSamples sample_stack(const RadianceField& field, const EditStack& items, const RayBundle& rays,
                            const MediumOptions& options);
-// The same for training `top` over `below`, with `below` baked in.
-MediumSamples sample_medium(const RadianceField& field, const EditStack& below, const StackItem& top,
-                            const RayBundle& rays, const MediumOptions& options);
 
 }  // namespace fieldgraft

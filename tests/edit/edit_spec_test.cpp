@@ -121,6 +121,33 @@ TEST(EditSpec, PlacementFollowsTheWords) {
     EXPECT_EQ(spec.resolved_placement(), Placement::above);
 }
 
+TEST(EditSpec, WhatIsAddedIsComparedWithItsOwnWords) {
+    EditSpec spec = valid_spec("add");
+    EXPECT_TRUE(spec.addition_alone);
+    const auto added = [&](const std::string& target) {
+        spec.target = target;
+        return spec.edit_text();
+    };
+    EXPECT_EQ(added("bulldozer with a red ball on top"), "a red ball");
+    EXPECT_EQ(added("Bulldozer with Snow on it"), "Snow");
+    EXPECT_EQ(added("bulldozer with a hat"), "a hat");
+    EXPECT_EQ(added("A bulldozer on fire with flames on top"), "flames");
+    // Nothing is said of what is added by itself: nothing to compare.
+    EXPECT_EQ(added("burning bulldozer"), "");
+    EXPECT_FALSE(EditPlan::compile(spec).edit_image);
+    EXPECT_EQ(added("bulldozer with on top"), "");
+    // A "with" of the source's is not the addition's.
+    spec.source = "bulldozer with wheels";
+    EXPECT_EQ(added("bulldozer with wheels and a hat"), "");
+    EXPECT_EQ(added("bulldozer with wheels with a hat"), "a hat");
+    EXPECT_TRUE(EditPlan::compile(spec).edit_image);
+    spec.addition_alone = false;
+    EXPECT_EQ(added("bulldozer with a hat"), "bulldozer with a hat");
+    EXPECT_GT(valid_spec("add").weight("global_edit"), 0);
+    EXPECT_FALSE(valid_spec("add,change").addition_alone);
+    EXPECT_FALSE(valid_spec("add", "paper-hash").addition_alone);
+}
+
 // A removal knows its region; the guide has less of a say than where it must say what to paint.
 TEST(EditSpec, RemovalAloneAsksTheGuideLess) {
     const EditSpec alone = valid_spec("remove"), both = valid_spec("remove,change");

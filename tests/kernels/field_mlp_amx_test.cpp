@@ -10,11 +10,13 @@
 #include "core/kernels/field_mlp_simd.h"
 #include "core/kernels/mlp_ref.h"
 #include "tests/kernels/numeric.h"
+#include "tests/kernels/padded_rows.h"
 
 namespace fieldgraft {
 namespace {
 
 using testing::random_values;
+using testing::rows_of;
 
 // count numbers out of {−½, 0, ½}.
 std::vector<double> halves(std::size_t count, unsigned seed) {
@@ -23,16 +25,7 @@ std::vector<double> halves(std::size_t count, unsigned seed) {
     return values;
 }
 
-// Rows of `width`, padded with zeros, of a feature-major width×n array; and back.
-std::vector<float> rows_of(const std::vector<double>& columns, int width, int n) {
-    std::vector<float> rows(std::size_t(n) * padded(width), 0.0f);
-    for (int s = 0; s < n; ++s) {
-        for (int i = 0; i < width; ++i)
-            rows[std::size_t(s) * padded(width) + i] = float(columns[std::size_t(i) * n + s]);
-    }
-    return rows;
-}
-
+// What rows_of lays out, feature-major again.
 std::vector<double> columns_of(const std::vector<float>& rows, int width, int row, int n) {
     std::vector<double> columns(std::size_t(width) * n);
     for (int s = 0; s < n; ++s) {

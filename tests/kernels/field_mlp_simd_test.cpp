@@ -7,6 +7,7 @@
 
 #include "core/kernels/mlp_ref.h"
 #include "tests/kernels/numeric.h"
+#include "tests/kernels/padded_rows.h"
 #include "tests/kernels/simd_targets.h"
 
 namespace fieldgraft {
@@ -14,19 +15,10 @@ namespace {
 
 using testing::on_every_target;
 using testing::random_values;
+using testing::rows_of;
 
 std::vector<float> narrow(const std::vector<double>& values) {
     return {values.begin(), values.end()};
-}
-
-// Rows of `width`, padded with zeros, of a feature-major width×n array.
-std::vector<float> rows_of(const std::vector<double>& columns, int width, int n) {
-    std::vector<float> rows(std::size_t(n) * padded(width), 0.0f);
-    for (int s = 0; s < n; ++s) {
-        for (int i = 0; i < width; ++i)
-            rows[std::size_t(s) * padded(width) + i] = float(columns[std::size_t(i) * n + s]);
-    }
-    return rows;
 }
 
 double largest_difference(const std::vector<float>& rows, int width, int n, const std::vector<double>& columns) {

@@ -165,56 +165,6 @@ TEST(BlendedView, ChunksDoNotChangeThePicture) {
     EXPECT_TRUE(at::allclose(whole, render_blended_rays(*field, stack, front_rays(size), options).color, 0, 1e-5));
 }
 
-// The training path: patches equal pictures, gradients reach g, and nothing is left out that g may uncover.
-TEST(BlendedView, PatchEqualsPicture) {
-    const auto field = ball_field();
-    const auto below = ball_edit("change,add", {0.2f, 0, 0}, 0.4f, 5);
-    for (const std::string& operations : all_operations) {
-        const StackItem top{ball_edit(operations, {0, 0, 0}, 0.5f)};
-        for (const RemovedMap removed : {RemovedMap::paper, RemovedMap::visible}) {
-            MediumOptions options;
-            options.keep_hidden = removed == RemovedMap::paper;
-            const MediumSamples medium = sample_medium(*field, {{below}}, top, front_rays(size), options);
-            EXPECT_FALSE(medium.color.requires_grad());
-            const PatchOut patch = render_patch(medium, top, {Compositing::paper, removed});
-            const BlendedRays picture = render(field, {{below}, top}, {Compositing::paper, removed});
-            EXPECT_LE(difference(patch.blended.color.detach(), picture.color).max().item<float>(), 3e-4f) << operations;
-            patch.blended.color.sum().backward();
-            for (const auto& [name, parameter] : top.field->parameters()) {
-                ASSERT_TRUE(parameter.grad().defined()) << operations << " " << name;
-                EXPECT_TRUE(parameter.grad().isfinite().all().item<bool>());
-                EXPECT_GT(parameter.grad().abs().sum().item<float>(), 0) << operations << " " << name;
-            }
-            for (const auto& [name, parameter] : below->parameters()) EXPECT_FALSE(parameter.grad().defined());
-        }
-    }
-}
-
-TEST(BlendedView, JitteredMarchesOfFieldAndAddedCellsMatch) {
-    const auto field = ball_field();
-    auto edit = ball_edit("add", {0, 0, 0}, 0.9f);
-    edit->set_support(Tensor());
-    Random random(3);
-    MediumOptions options;
-    options.march.jitter = &random;
-    options.add_region = ball_cells(field->geometry(), 16, {0, 0, 0}, 1.0f);  // another resolution than f's
-    const MediumSamples medium = sample_medium(*field, {}, {edit}, front_rays(size), options);
-    const auto start = medium.samples.start.accessor<std::int64_t, 1>();
-    const auto t = medium.samples.t.accessor<float, 1>();
-    std::int64_t empty = 0;
-    for (std::int64_t r = 0; r + 1 < medium.samples.start.size(0); ++r) {
-        for (std::int64_t k = start[r]; k < start[r + 1]; ++k) {
-            if (k > start[r]) {
-                ASSERT_LT(t[k - 1], t[k]);
-            }
-            ASSERT_EQ(medium.samples.ray[k].item<std::int64_t>(), r);
-        }
-    }
-    for (std::int64_t k = 0; k < medium.samples.size(); ++k) empty += medium.density[k].item<float>() == 0;
-    EXPECT_GT(empty, 100);
-    EXPECT_LT(empty, medium.samples.size());
-}
-
 TEST(Medium, MixtureIsExactWhereNothingIsEdited) {
     const Medium below{torch::tensor({0.0f, 2.7f, 1e5f}),
                        torch::tensor({{0.1f, 0.2f, 0.3f}, {0.7f, 0.9f, 0.3f}, {1.f, 0.f, .5f}})};

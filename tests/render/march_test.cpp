@@ -4,6 +4,7 @@
 
 #include <cmath>
 
+#include "core/field/cells.h"
 #include "core/render/blend.h"
 #include "tests/render/synthetic_field.h"
 
@@ -99,6 +100,85 @@ TEST(SampleVisible, AtZeroTransmittanceNothingIsLeftOut) {
     options.min_transmittance = 1;
     EXPECT_THROW(sample_visible(field, rays, options), std::invalid_argument);
     EXPECT_EQ(sample_visible(field, {at::empty({0, 3}), at::empty({0, 3})}, {}).samples.size(), 0);
+}
+
+Tensor middle_cells() {
+    Tensor cells = at::zeros({16, 16, 16}, at::kByte);
+    cells.slice(0, 5, 9).slice(1, 4, 12).slice(2, 6, 11).fill_(1);
+    return cells;
+}
+
+// Extra cells are marched beside f's, where f's density is 0; runs of steps there may become one sample.
+TEST(SampleVisible, ExtraCellsAndJoinedSteps) {
+    RadianceField field = uneven_field();
+    field.set_occupancy(middle_cells());
+    const RayBundle rays = inward_rays(60, 8);
+    EditCells cells;
+    cells.extra = at::ones({1, 1, 1}, at::kByte);
+    MarchOptions options;
+    options.step = 0.01;
+    options.min_transmittance = 0;
+    const VisibleSamples own = sample_visible(field, rays, options), all = sample_visible(field, rays, options, cells);
+    const Samples everywhere = march(field.geometry(), {}, rays, options);
+    ASSERT_EQ(all.samples.size(), everywhere.size());
+    ASSERT_LT(4 * own.samples.size(), all.samples.size());
+    const auto in_field = [&](const VisibleSamples& v) {
+        return in_cells(field.geometry(), field.occupancy(), v.samples.positions);
+    };
+    const Tensor inside = in_field(all);
+    EXPECT_EQ(all.density.masked_select(inside.logical_not()).abs().sum().item<float>(), 0);
+    EXPECT_TRUE(at::allclose(all.density.masked_select(inside), own.density, 1e-5, 1e-6));
+    EXPECT_TRUE(at::equal(all.samples.t.masked_select(inside), own.samples.t));
+
+    cells.extra_stride = 4;
+    const VisibleSamples joined = sample_visible(field, rays, options, cells);
+    EXPECT_LT(joined.samples.size(), own.samples.size() + (all.samples.size() - own.samples.size()) / 3);
+    // Nothing of f is joined, and the lengths still add up to every ray's way through the box.
+    EXPECT_TRUE(at::allclose(joined.density.masked_select(in_field(joined)), own.density, 1e-5, 1e-6));
+    const auto way = [](const Samples& s) {
+        const Tensor none = at::zeros({s.start.size(0) - 1}, at::kDouble);
+        return none.index_add(0, s.ray, s.delta.to(at::kDouble));
+    };
+    EXPECT_TRUE(at::allclose(way(joined.samples), way(everywhere), 1e-5));
+    // A joined sample lies in the middle of its steps, and what it covers ends where the next begins.
+    const Samples& samples = joined.samples;
+    const Tensor begins = samples.t - samples.delta / 2, ends = samples.t + samples.delta / 2;
+    const Tensor same_ray = samples.ray.slice(0, 1).eq(samples.ray.slice(0, 0, -1));
+    EXPECT_LT((begins.slice(0, 1) - ends.slice(0, 0, -1)).abs().masked_select(same_ray).max().item<float>(), 1e-4f);
+    const Tensor there = rays.origins.index_select(0, samples.ray) +
+                         samples.t.unsqueeze(1) * rays.directions.index_select(0, samples.ray);
+    EXPECT_TRUE(at::allclose(there, samples.positions, 0, 5e-6));
+    cells.extra_stride = 0;
+    EXPECT_THROW(sample_visible(field, rays, options, cells), std::invalid_argument);
+}
+
+TEST(SampleVisible, WhatMayBeTakenAwayHidesNothing) {
+    RadianceField field = uneven_field(20);
+    const RayBundle rays = inward_rays(60, 9);
+    MarchOptions options;
+    options.step = 0.02;
+    const std::int64_t every = march(field.geometry(), {}, rays, options).size();
+    const std::int64_t seen = sample_visible(field, rays, options).samples.size();
+    EditCells cells;
+    cells.transparent = at::zeros({2, 2, 2}, at::kByte);
+    cells.transparent[1].fill_(1);  // the upper half
+    const std::int64_t more = sample_visible(field, rays, options, cells).samples.size();
+    cells.transparent = at::ones({1, 1, 1}, at::kByte);
+    EXPECT_LT(seen, more);
+    EXPECT_LT(more, every);
+    EXPECT_EQ(sample_visible(field, rays, options, cells).samples.size(), every);
+}
+
+TEST(Occupancy, JoinedAtTheFinerResolution) {
+    const Tensor coarse = at::zeros({2, 2, 2}, at::kByte), fine = middle_cells();
+    coarse[1][1][1].fill_(1);
+    EXPECT_TRUE(at::equal(joined_cells(Tensor(), fine), fine));
+    const Tensor both = joined_cells(coarse, fine);
+    EXPECT_TRUE(at::equal(both, joined_cells(fine, coarse)));
+    EXPECT_EQ(both.size(0), 16);
+    const std::int64_t shared = fine.slice(0, 8).slice(1, 8).slice(2, 8).sum().item<std::int64_t>();
+    ASSERT_GT(shared, 0);
+    EXPECT_EQ(both.sum().item<std::int64_t>(), 8 * 8 * 8 + fine.sum().item<std::int64_t>() - shared);
 }
 
 TEST(Occupancy, UnionAndGrowth) {
