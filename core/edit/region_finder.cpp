@@ -20,6 +20,8 @@ constexpr double user_vote = 5;       // a user's mask against one view of the s
 constexpr double hull_share = 0.7;    // of the views that see a cell
 constexpr double like_colour = 0.1;   // how far apart two cells' colours may be that are likely of one thing
 constexpr int agreement_rounds = 24;
+constexpr double colour_step = 0.15;    // between neighbouring cells of one thing, light and shade included
+constexpr double doubtful_share = 0.5;  // of the border's votes, for cells that touch the region in its own colour
 constexpr int inner_layers = 4;         // how far scores reach into what no view sees
 constexpr double core_share = 0.7;      // of the core's score: where the region ends
 constexpr double speck_share = 0.02;    // of the largest piece's cells: smaller pieces are one view's noise
@@ -198,6 +200,12 @@ EditRegion find_region(const BaseMedium& base, Guidance& guide, const EditSpec& 
                 "say it better, or draw it with --mask VIEW:FILE",
                 spec.segmented_text(), 100 * surest));
         Tensor cells = region.score > 0.5;
+        // Paint spreads to what half the votes would have sufficed for, where it touches the region in its own colour:
+        // a muzzle that some views do not take for the monkey's.
+        if (plan.operations.change && !plan.operations.remove) {
+            cells = survey.votes().grown_by_colour(cells, region.score > doubtful_share * 0.5, colour_step);
+            region.score.masked_fill_(cells.logical_and(region.score <= 0.5), 1);
+        }
         if (plan.operations.remove && !plan.operations.change) {
             const Tensor seen = survey.votes().weight() > seen_weight;
             const Tensor hanging = hanging_cells(seen, cells).logical_and(cells.logical_not());

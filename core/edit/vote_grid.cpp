@@ -122,35 +122,60 @@ void VoteGrid::add(const Tensor& points, const Tensor& votes, const Tensor& weig
     votes_.view(-1).index_add_(0, index, weight * votes.index_select(0, kept).to(at::kFloat));
 }
 
-void VoteGrid::agree_by_colour(double tolerance, int rounds) {
+VoteGrid::SeenCells VoteGrid::seen_cells() const {
     const Tensor cells = (weight_.view(-1) > least_weight).nonzero().squeeze(1);
     const std::int64_t count = cells.size(0);
-    if (count == 0) return;
-    const Tensor weight = weight_.view(-1).index_select(0, cells);
-    const Tensor colour = colours_.index_select(0, cells) / weight.unsqueeze(1);
-    const Tensor own = votes_.view(-1).index_select(0, cells) / weight;
+    const Tensor colour = colours_.index_select(0, cells) / weight_.view(-1).index_select(0, cells).unsqueeze(1);
     // The place of each seen cell in `cells`, in a grid with a border; −1: not seen.
     const std::int64_t r = resolution_, wide = r + 2;
     Tensor place = at::full({wide * wide * wide}, -1, at::kLong);
     const Tensor z = cells.floor_divide(r * r), y = cells.floor_divide(r).remainder(r), x = cells.remainder(r);
     const Tensor bordered = ((z + 1) * wide + y + 1) * wide + x + 1;
     place.index_put_({bordered}, at::arange(count, at::kLong));
-    std::vector<Tensor> neighbours, likeness;
+    std::vector<Tensor> neighbours, seen, apart;
     for (std::int64_t offset = 0; offset < 27; ++offset) {
         if (offset == 13) continue;
         const std::int64_t step = ((offset / 9 - 1) * wide + offset / 3 % 3 - 1) * wide + offset % 3 - 1;
-        const Tensor next = place.index_select(0, bordered + step), seen = next >= 0;
-        const Tensor at_next = next.clamp_min(0);
-        const Tensor apart = (colour - colour.index_select(0, at_next)).square().sum(1);
-        neighbours.push_back(at_next);
-        likeness.push_back(2.0 * (apart * (-0.5 / (tolerance * tolerance))).exp() * seen);
+        const Tensor next = place.index_select(0, bordered + step);
+        neighbours.push_back(next.clamp_min(0));
+        seen.push_back(next >= 0);
+        apart.push_back((colour - colour.index_select(0, neighbours.back())).square().sum(1));
     }
-    const Tensor index = at::stack(neighbours, 1).reshape(-1), k = at::stack(likeness, 1);
+    return {cells, at::stack(neighbours, 1), at::stack(seen, 1), at::stack(apart, 1)};
+}
+
+void VoteGrid::agree_by_colour(double tolerance, int rounds) {
+    if (!(weight_ > least_weight).any().item<bool>()) return;
+    const SeenCells around = seen_cells();
+    const Tensor weight = weight_.view(-1).index_select(0, around.cells);
+    const Tensor own = votes_.view(-1).index_select(0, around.cells) / weight;
+    const Tensor index = around.neighbours.reshape(-1);
+    const Tensor k = 2.0 * (around.apart * (-0.5 / (tolerance * tolerance))).exp() * around.seen;
     const Tensor total = 1 + k.sum(1);
     Tensor score = own;
     for (int round = 0; round < rounds; ++round)
-        score = (own + (k * score.index_select(0, index).reshape({count, -1})).sum(1)) / total;
-    votes_.view(-1).index_put_({cells}, score * weight);
+        score = (own + (k * score.index_select(0, index).reshape(k.sizes())).sum(1)) / total;
+    votes_.view(-1).index_put_({around.cells}, score * weight);
+}
+
+Tensor VoteGrid::grown_by_colour(const Tensor& cells, const Tensor& allowed, double tolerance) const {
+    if (cells.sizes() != votes_.sizes() || allowed.sizes() != votes_.sizes())
+        throw std::invalid_argument("VoteGrid::grown_by_colour: cells and allowed must be as large as the grid");
+    Tensor grown = cells.to(at::kBool).clone();
+    if (!(weight_ > least_weight).any().item<bool>()) return grown;
+    const SeenCells around = seen_cells();
+    const Tensor index = around.neighbours.reshape(-1);
+    const Tensor alike = around.seen.logical_and(around.apart <= tolerance * tolerance);
+    const Tensor may = allowed.reshape(-1).to(at::kBool).index_select(0, around.cells);
+    Tensor marked = grown.view(-1).index_select(0, around.cells);
+    for (bool changed = true; changed;) {
+        const Tensor beside = marked.index_select(0, index).reshape(alike.sizes()).logical_and(alike).any(1);
+        const Tensor next = marked.logical_or(beside.logical_and(may));
+        changed = !at::equal(next, marked);
+        marked = next;
+    }
+    grown.view(-1).index_put_({around.cells}, marked);
+    return grown;
 }
 
 Tensor VoteGrid::score(int reach) const {

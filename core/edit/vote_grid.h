@@ -41,6 +41,9 @@ class VoteGrid {
     // seen, k = 2 exp(−|c − c'|² / 2 tolerance²), `rounds` times. A view's mask is coarse and its errors hang together;
     // things mostly end where their colour does (after the fully connected CRFs of Krähenbühl and Koltun, 2011).
     void agree_by_colour(double tolerance, int rounds);
+    // The marked cells (R³ bool) and those that are joined to them, from neighbour to neighbour, by steps in colour of
+    // at most `tolerance`, through seen cells that `allowed` marks.
+    Tensor grown_by_colour(const Tensor& cells, const Tensor& allowed, double tolerance) const;
     // R×R×R in [0, 1]; 0 where neither a vote nor `reach` layers of neighbours say anything.
     Tensor score(int reach) const;
     // Σ w of every cell.
@@ -48,6 +51,13 @@ class VoteGrid {
     int resolution() const { return resolution_; }
 
   private:
+    // The cells that were seen (flat, M) and for each its 26 neighbours: places among those cells (M×26, 0 for one that
+    // was not seen), whether seen (M×26 bool), squared difference of colour (M×26).
+    struct SeenCells {
+        Tensor cells, neighbours, seen, apart;
+    };
+    SeenCells seen_cells() const;
+
     FieldGeometry geometry_;
     int resolution_;
     Tensor votes_, weight_;  // R³ float32

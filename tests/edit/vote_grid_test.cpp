@@ -87,6 +87,30 @@ TEST(VoteGrid, CellsOfLikeColourAgree) {
     EXPECT_NEAR(lone.score(0).max().item<float>(), 0.7f, 1e-6);
 }
 
+// A yellow bar whose left end is marked, on a grey floor; every cell is allowed but the bar's right end.
+TEST(VoteGrid, GrowsThroughOneColourWhereItIsAllowed) {
+    const int n = 12;
+    const Tensor centres = cell_centres(box(), n);
+    const Tensor cell = cell_of(box(), n, centres);
+    const Tensor x = cell.remainder(n), y = cell.floor_divide(n).remainder(n), z = cell.floor_divide(n * n);
+    const Tensor bar = (y == 6).logical_and(z == 1), floor = z == 0;
+    const Tensor seen = bar.logical_or(floor);
+    const Tensor yellow = at::tensor({0.9f, 0.7f, 0.1f}), grey = at::tensor({0.5f, 0.5f, 0.5f});
+    // From left to right the bar darkens, by less than a step from cell to cell.
+    const Tensor shade = (1 - 0.05 * x.to(at::kFloat)).unsqueeze(1);
+    const Tensor colours = at::where(bar.unsqueeze(1), yellow * shade, grey);
+    VoteGrid votes(box(), n);
+    votes.add(centres.index({seen}), at::zeros({n * n + n}), at::ones({n * n + n}), colours.index({seen}));
+    const auto cube = [&](const Tensor& flat) { return flat.reshape({n, n, n}); };
+    const Tensor marked = cube(bar.logical_and(x < 2)), allowed = cube(x < 9);
+    const Tensor grown = votes.grown_by_colour(marked, allowed, 0.1);
+    EXPECT_TRUE(at::equal(grown, cube(bar.logical_and(x < 9))));
+    EXPECT_TRUE(at::equal(votes.grown_by_colour(marked, allowed, 0.01), marked));  // finer than the shading's steps
+    EXPECT_TRUE(at::equal(votes.grown_by_colour(marked, at::zeros_like(allowed), 0.1), marked));
+    EXPECT_TRUE(at::equal(VoteGrid(box(), n).grown_by_colour(marked, allowed, 0.1), marked));  // nothing was seen
+    EXPECT_THROW(votes.grown_by_colour(marked, at::ones({2, 2, 2}), 0.1), std::invalid_argument);
+}
+
 TEST(VoteGrid, TheBorderFollowsTheCore) {
     // A core that all views agree on, something that 60 % take for it, and the rest.
     Tensor score = at::zeros({4, 4, 4});
