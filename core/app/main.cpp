@@ -2,10 +2,11 @@
 #include <cstdio>
 
 #include "core/app/console.h"
-#include "core/base/memory.h"
+#include "core/base/process.h"
 
 int main(int argc, char** argv) {
     using namespace fieldgraft::app;
+    fieldgraft::bound_waiting(argv);
     Program program;
     program.cli.require_subcommand(1);
     program.cli.set_version_flag("--version", "fieldgraft 0.1.0");

@@ -5,7 +5,7 @@
 #include <cmath>
 
 #include "core/base/errors.h"
-#include "core/base/memory.h"
+#include "core/base/process.h"
 #include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 #include "core/render/render_view.h"

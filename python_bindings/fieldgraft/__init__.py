@@ -11,7 +11,13 @@ Arrays are NumPy float32; pictures are H×W×C (or N×H×W×C) in [0, 1]; camera
 InputError (a ValueError) with one line that says what, where, and what would be right.
 """
 
-from fieldgraft._core import (
+import os
+
+# As the program does (core/base/process.h); OpenMP reads it when it is loaded.
+if "OMP_WAIT_POLICY" not in os.environ:
+    os.environ.setdefault("GOMP_SPINCOUNT", "2000")
+
+from fieldgraft._core import (  # noqa: E402
     Camera,
     Cancelled,
     Edit,

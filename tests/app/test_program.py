@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 import signal
 import subprocess
 import time
@@ -27,6 +28,21 @@ def test_train_reports_figures_and_reaches_the_scene(ball_scene: Path, ball_fiel
     assert done["event"] == "done"
     assert done["psnr"] > 20  # 22.2 measured; a grey picture has 9
     assert done["ssim"] > 0.7
+
+
+@pytest.mark.parametrize(("given", "expected"), [({}, "2000"), ({"GOMP_SPINCOUNT": "7"}, "7")])
+def test_threads_wait_busily_for_a_moment_only(
+    ball_scene: Path, tmp_path: Path, given: dict[str, str], expected: str
+) -> None:
+    clean = {k: v for k, v in os.environ.items() if k not in ("GOMP_SPINCOUNT", "OMP_WAIT_POLICY")}
+    command = [PROGRAM, "train", ball_scene, "-o", tmp_path / "f.safetensors", "--iterations", "100000", "--json"]
+    with subprocess.Popen(command, env=clean | given, stdout=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout is not None and process.stdout.readline()  # it runs
+            environment = Path(f"/proc/{process.pid}/environ").read_bytes().split(b"\0")
+            assert f"GOMP_SPINCOUNT={expected}".encode() in environment
+        finally:
+            process.kill()
 
 
 def test_train_events_follow_the_contract(ball_scene: Path, tmp_path: Path) -> None:
