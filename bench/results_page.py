@@ -125,8 +125,10 @@ def speed_table(report: dict[str, Any]) -> str:
     faster = scaling[f"samples_a_second_{threads}"]["median"] / scaling["samples_a_second_1"]["median"]
     thousand = 1000 / 60  # iterations; minutes
     edits = []
+    elsewhere = report.get("measured_on", {}).get("edit", report["machine"]["processor"])
+    where = "" if elsewhere == report["machine"]["processor"] else f", on another machine ({elsewhere})"
     for operations, seconds in edit.items():
-        what = f"1,000 iterations of an edit ({operations}), S = 128, min"
+        what = f"1,000 iterations of an edit ({operations}), S = 128{where}, min"
         edits.append([what, range_of(seconds["seconds_an_iteration"], 1, thousand), "6 / 3"])
         field = range_of(seconds["of_them_field_and_rendering"], 1, thousand)
         edits.append(["of them field and rendering", field, ""])

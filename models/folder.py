@@ -55,3 +55,11 @@ def load_folder(folder: Path) -> tuple[Guidance, CaptionTokenizer]:
         raise ValueError(f"{folder}/model.safetensors: lacks {missing[:3]}, does not know {unexpected[:3]}")
     tokenizer = CaptionTokenizer.load(folder, config["text_config"]["max_position_embeddings"])
     return model.to(memory_format=torch.channels_last).eval(), tokenizer
+
+
+def mean_weights(first: dict[str, Tensor], second: dict[str, Tensor]) -> dict[str, Tensor]:
+    """The mean of two sets of weights of one network, of which one was trained on from the other; counters as in the
+    first."""
+    if first.keys() != second.keys() or any(first[k].shape != second[k].shape for k in first):
+        raise ValueError("the mean of weights needs two sets of one network's")
+    return {k: (v.float() + second[k].float()) / 2 if v.is_floating_point() else v for k, v in first.items()}

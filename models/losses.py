@@ -4,7 +4,8 @@
   Words that would make a combination kept out of training are no alternatives there (`never_shown`), nor are those
   that fit another object in the picture (`never_wrong`): which of two is meant, only the caption says.
 * `contrastive_loss` symmetric InfoNCE (CLIP, sec. 2.3) between pictures and captions; a caption that may be true of
-  another picture too (attribute truth agrees wherever both are said) is no negative there.
+  another picture too (attribute truth agrees wherever both are said) is no negative there, nor is one with a word that
+  would make a held-out combination of that picture: "a mug" beside a red cylinder would say that red mugs do not exist.
 * `direction_loss`  the same between picture differences u(E(I1)) - u(E(I2)) and caption differences over the pairs:
   what a directional edit loss measures (StyleGAN-NADA, sec. 4.1); norms softened, as twins may be alike.
 * `mask_loss`       balanced cross-entropy plus Dice for things that are there, cross-entropy for absent ones (their
@@ -100,12 +101,24 @@ def compatible(truth: Tensor) -> Tensor:
     return ((a == b) | (a < 0) | (b < 0)).all(-1)
 
 
-def contrastive_loss(images: Tensor, texts: Tensor, truth: Tensor, captions: list[str], scale: Tensor) -> Tensor:
-    """Unit embeddings N x D, twins in neighbouring rows. A twin's caption is always a negative: telling the two apart
-    is the point, even where the vaguer caption is true of both."""
+def says_never_shown(never: list[Tensor], said: Tensor) -> Tensor:
+    """N x N: does caption j say a word that is kept out of training together with what picture i is (`never_shown`)?
+    said N x A, -1 where unsaid."""
+    result = torch.zeros(len(said), len(said), dtype=torch.bool, device=said.device)
+    for mask, words in zip(never, said.unbind(1), strict=True):
+        result |= mask[:, words.clamp_min(0)] & (words >= 0)
+    return result
+
+
+def contrastive_loss(
+    images: Tensor, texts: Tensor, truth: Tensor, captions: list[str], scale: Tensor, never: list[Tensor] | None = None
+) -> Tensor:
+    """Unit embeddings N x D, twins in neighbouring rows; truth N x A: what the captions say; never: `never_shown`. A
+    twin's caption is always a negative: telling the two apart is the point, even where the vaguer caption is true of
+    both."""
     n = len(images)
     row = torch.arange(n, device=images.device)
-    mask = compatible(truth)
+    mask = compatible(truth) if never is None else compatible(truth) | says_never_shown(never, truth)
     mask[row, row ^ 1] = False
     same = {c: i for i, c in enumerate(dict.fromkeys(captions))}
     ids = torch.tensor([same[c] for c in captions], device=images.device)

@@ -4,6 +4,7 @@
     python models/train.py --only guide --stage 2   one stage (a stage takes at most 90 minutes)
     python models/train.py --only guide --export DIR            the checkpoint as a guidance folder, no training
     python models/train.py --only guide --from models/guide --stage 3 --minutes 60    train shipped weights further
+    python models/train.py --only guide --export DIR --mean-with models/guide    its mean with the shipped weights
     python models/train.py --smoke                  a minute on a small model; fails unless it beats chance clearly
 
 Checkpoints go to models/checkpoints/NAME/ every two minutes; running the same command again goes on from there
@@ -23,7 +24,7 @@ from typing import Any
 import torch
 from data import CROWDED, ROOT, TRUE_CAPTIONS, Singles, Stream, lesson, load_generator_module, read_settings
 from evaluate import card, evaluate, heldout_generator, write_figures
-from folder import load_folder, save_folder
+from folder import load_folder, mean_weights, save_folder
 from losses import HeldOut
 from network import CONTEXT_LENGTH, default_config
 from tokenizer import CaptionTokenizer, write_text
@@ -212,6 +213,8 @@ class Run:
     def export(self, folder: Path, pictures: int = 0) -> None:
         """The averaged weights as a guidance folder, with figures and card when `pictures` are asked for."""
         model, progress = self.trainer.averaged(), self.trainer.progress
+        if self.args.mean_with is not None:
+            model.load_state_dict(mean_weights(model.state_dict(), load_folder(self.args.mean_with)[0].state_dict()))
         text = None
         if pictures:
             generator = heldout_generator()
@@ -268,6 +271,7 @@ def parse() -> argparse.Namespace:
     parser.add_argument("--snapshots", type=Path, help="export here while stages 2 and 3 run")
     parser.add_argument("--snapshot-minutes", type=float, default=10.0)
     parser.add_argument("--export", type=Path, help="write the checkpoint as a folder and stop")
+    parser.add_argument("--mean-with", type=Path, help="export the mean of the weights and this folder's")
     parser.add_argument("--pictures", type=int, default=4096, help="pictures of the final evaluation")
     parser.add_argument("--smoke", action="store_true")
     return parser.parse_args()

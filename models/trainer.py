@@ -156,7 +156,8 @@ class Trainer:
         out["words"] = losses.attribute_loss(seen, words, truth, self.word_scale.clamp(max=4.1).exp(), never)
         if captions is not None:
             scale = self.model.logit_scale.clamp(max=4.6).exp()
-            out["captions"] = losses.contrastive_loss(seen, captions, truth, batch.captions, scale)
+            kept_out = self.held_out.never_shown(batch.truth.to(truth.device))
+            out["captions"] = losses.contrastive_loss(seen, captions, truth, batch.captions, scale, kept_out)
             out["twins"] = losses.direction_loss(seen, captions, batch.captions)
         return out, stages
 

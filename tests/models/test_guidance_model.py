@@ -18,7 +18,7 @@ import data  # noqa: E402
 import losses  # noqa: E402
 import stand_in  # noqa: E402
 from evaluate import evaluate, heldout_generator  # noqa: E402
-from folder import MAX_BYTES, load_folder, save_folder  # noqa: E402
+from folder import MAX_BYTES, load_folder, mean_weights, save_folder  # noqa: E402
 from muon import Muon, nearly_orthogonal  # noqa: E402
 from network import CONTEXT_LENGTH, GatheredConv, Guidance, PointConv, default_config, unit  # noqa: E402
 from tokenizer import CaptionTokenizer  # noqa: E402
@@ -104,6 +104,19 @@ def test_contrastive_loss_ignores_captions_that_may_be_true_of_both() -> None:
     got = float(losses.contrastive_loss(images, texts, twins, captions, scale))
     alone = -math.log(math.exp(3) / (math.exp(3) + 1))
     assert got == pytest.approx((alone + full + 2 * fewer) / 4, rel=1e-5)
+    # Picture 3 with caption 0's word is a combination kept out of training: one negative less for each of the two.
+    never = [torch.zeros(4, 4, dtype=torch.bool)]
+    never[0][3, 0] = True
+    got = float(losses.contrastive_loss(images, texts, distinct, captions, scale, never))
+    assert got == pytest.approx((3 * full + fewer) / 8 + (3 * full + fewer) / 8, rel=1e-5)
+
+
+def test_which_captions_say_what_training_never_shows() -> None:
+    never = [torch.tensor([[True, False], [False, False]]), torch.tensor([[False, False, False], [False, False, True]])]
+    said = torch.tensor([[0, -1], [-1, 2]])
+    assert losses.says_never_shown(never, said).tolist() == [[True, False], [False, True]]
+    # A word left unsaid excuses nothing.
+    assert not losses.says_never_shown(never, torch.full((2, 2), -1)).any()
 
 
 def test_direction_loss_is_zero_pull_for_parallel_changes_and_finite_for_equal_twins() -> None:
@@ -318,6 +331,15 @@ def test_every_stage_learns_on_a_few_squares_and_discs_and_survives_a_folder(tmp
         exact, shipped = trainer.averaged().encode_image(images), model.encode_image(images)
     assert size < MAX_BYTES and loaded.vocab == tokenizer.vocab
     assert float((unit(exact) - unit(shipped)).abs().max()) < 5e-3
+
+
+def test_mean_weights() -> None:
+    first = {"a": torch.tensor([1.0, 3.0]), "count": torch.tensor(7)}
+    second = {"a": torch.tensor([2.0, -3.0], dtype=torch.float16), "count": torch.tensor(9)}
+    mean = mean_weights(first, second)
+    assert mean["a"].tolist() == [1.5, 0.0] and int(mean["count"]) == 7
+    with pytest.raises(ValueError, match="one network"):
+        mean_weights(first, {"a": torch.zeros(3), "count": torch.tensor(1)})
 
 
 # ---- what is shipped --------------------------------------------------------------------------------------------
