@@ -1,10 +1,11 @@
 """What docs/results.md shows: a field's accuracy over time, edits from text alone, and the bake, on the lego scene.
 
-    ./dev results --scene DIR [--out docs/results] [--work DIR] [--only field,edits,bake] [--minutes 1 2 5 10]
+    ./dev results --scene DIR [--out docs/results] [--work DIR] [--only field,edits,bake,seeds] [--minutes 1 2 5 10]
 
 Writes OUT/lego.json and OUT/lego_*.png, and the tables of docs/results.md. A field that WORK holds already is not
 trained again. The regions that edits are judged by are drawn by hand (bench/lego/regions.json); the edits never see
-them.
+them. `seeds` tries each edit with several seeds (`--seeds`) and counts how often it works: what was asked for is to be
+seen (`asked_share`) and the rest of the object stays as it was.
 """
 
 from __future__ import annotations
@@ -31,6 +32,10 @@ from sheets import edit_map, picture, sheet  # noqa: E402
 
 VIEWS = ["r_176", "r_0", "r_152"]
 TILE = 256
+CHANGED, WHITE = 0.1, 0.9
+LEAST_CHANGE = 0.05  # D_L1 inside the region
+MOST_OUTSIDE = 0.015  # D_L1 outside, over the object
+MOST_OF_IT = 0.6
 
 
 def draw_mask(regions: dict[str, Any], name: str, size: tuple[int, int], path: Path) -> str:
@@ -72,6 +77,26 @@ def turned_share(before: Path, after: Path, views: list[str], hues: dict[str, li
         turned += int((was & within(hue, *hues["to"]) & (strength > 0.2)).sum())
         there += int(was.sum())
     return turned / max(1, there)
+
+
+def asked_share(before: Path, after: Path, mask: Path, asked: dict[str, Any]) -> float:
+    """How much of a test view's region shows what an edit asked for.
+
+    `asked` has `of`: "yellow" (pixels of that hue before), "changed" (pixels whose colour moved by more than
+    `CHANGED`) or "object" (pixels that were not white); and `hue` (from, to; pixels of low saturation do not
+    count) or `white`. Nothing to count: 0.
+    """
+    was, now = pixels(before), pixels(after)
+    inside = np.asarray(Image.open(mask).convert("L")) > 127
+    hue_before, strength_before = hue_and_strength(was)
+    counted = {
+        "yellow": within(hue_before, 35, 65) & (strength_before > 0.3),
+        "changed": np.abs(now - was).mean(-1) > CHANGED,
+        "object": was.min(-1) < WHITE,
+    }[asked["of"]] & inside
+    hue, strength = hue_and_strength(now)
+    shows = now.min(-1) >= WHITE if asked.get("white") else within(hue, *asked["hue"]) & (strength > 0.2)
+    return float((shows & counted).sum() / max(1, counted.sum()))
 
 
 def psnr(a: Path, b: Path) -> float:
@@ -116,24 +141,34 @@ class Results:
             self.run("render", self.field, *self.views, "-o", folder)
         return folder
 
-    def edits(self) -> None:
-        regions = json.loads((HERE / "lego" / "regions.json").read_text())
-        original = self.original()
-        size = Image.open(original / f"{VIEWS[0]}.png").size
+    def specs(self) -> list[dict[str, Any]]:
         wanted = self.args.edits.split(",") if self.args.edits else None
-        for spec in json.loads((HERE / "lego" / "edits.json").read_text()):
+        specs = json.loads((HERE / "lego" / "edits.json").read_text())
+        return [s for s in specs if not wanted or s["name"] in wanted]
+
+    def mask(self, spec: dict[str, Any]) -> tuple[str, Path]:
+        """The view, and the hand-drawn region over it."""
+        regions = json.loads((HERE / "lego" / "regions.json").read_text())
+        size = Image.open(self.original() / f"{VIEWS[0]}.png").size
+        view, file = draw_mask(regions, spec["region"], size, self.work / f"{spec['name']}_region.png").split(":")
+        return view, Path(file)
+
+    def edit(self, spec: dict[str, Any], edit: Path, seed: int) -> dict[str, Any]:
+        prompt = ["--source", spec["source"], "--target", spec["target"], "--ops", spec["ops"]]
+        prompt += ["--region", spec["find"]] if "find" in spec else []
+        prompt += ["--scene", self.scene, "--seed", seed, *spec.get("flags", [])]
+        return self.run("edit", self.field, "-o", edit, *prompt)
+
+    def edits(self) -> None:
+        original = self.original()
+        for spec in self.specs():
             name = spec["name"]
-            if wanted and name not in wanted:
-                continue
             edit, folder = self.work / f"{name}.safetensors", self.work / name
-            prompt = ["--source", spec["source"], "--target", spec["target"], "--ops", spec["ops"]]
-            prompt += ["--region", spec["find"]] if "find" in spec else []
-            trained = self.run("edit", self.field, "-o", edit, *prompt, "--scene", self.scene, *spec.get("flags", []))
+            trained = self.edit(spec, edit, 0)
             self.run("render", self.field, edit, *self.views, "-o", folder, "--maps")
-            mask = draw_mask(regions, spec["region"], size, self.work / f"{name}_region.png")
-            view = mask.split(":")[0]
+            view, mask = self.mask(spec)
             select = ["--scene", self.scene, "--split", "test"]
-            judged = self.run("eval", self.field, edit, *select, "--views", view, "--region-mask", mask)
+            judged = self.run("eval", self.field, edit, *select, "--views", view, "--region-mask", f"{view}:{mask}")
             overall = self.run("eval", self.field, edit, *select, "--views", ",".join(VIEWS))
             figures = {k: trained[k] for k in ("iterations", "seconds", "seconds_per_iteration")}
             figures |= {k: judged[k] for k in ("d_l1_inside", "d_l1_outside", "d_l1_outside_object")}
@@ -149,6 +184,37 @@ class Results:
             ]
             titles = ["original", f"{spec['ops']}: {spec['target']}", "added changed removed (r g b)"]
             sheet(rows, titles, TILE).save(self.out / f"lego_{name}.png", optimize=True)
+
+    def seeds(self) -> None:
+        """Each edit with seeds 0, 1, …: one figure a seed, and a sheet of the judged view under every seed."""
+        original = self.original()
+        for spec in self.specs():
+            view, mask = self.mask(spec)
+            tries, tiles = [], [picture(original / f"{view}.png", TILE)]
+            for seed in range(self.args.seeds):
+                edit, folder = self.work / "seed.safetensors", self.work / "seed"
+                edit.unlink(missing_ok=True)
+                self.edit(spec, edit, seed)
+                select = ["--scene", self.scene, "--split", "test", "--views", view]
+                self.run("render", self.field, edit, *select, "-o", folder)
+                judged = self.run("eval", self.field, edit, *select, "--region-mask", f"{view}:{mask}")
+                after = folder / f"{view}.png"
+                figures = {k: judged[k] for k in ("d_l1_inside", "d_l1_outside_object")}
+                figures["asked_share"] = asked_share(original / f"{view}.png", after, mask, spec["asked"])
+                figures["works"] = (
+                    figures["asked_share"] >= MOST_OF_IT
+                    and figures["d_l1_inside"] >= LEAST_CHANGE
+                    and figures["d_l1_outside_object"] < MOST_OUTSIDE
+                )
+                print(json.dumps({spec["name"]: {"seed": seed} | figures}), file=sys.stderr, flush=True)
+                tries.append({"seed": seed} | figures)
+                tiles.append(picture(after, TILE))
+            self.report.setdefault("seeds", {})[spec["name"]] = {k: spec[k] for k in ("source", "target", "ops")} | {
+                "tries": tries
+            }
+            self.save()
+            titles = ["original", *(f"seed {t['seed']}{'' if t['works'] else ': fails'}" for t in tries)]
+            sheet([tiles], titles, TILE).save(self.out / f"lego_seeds_{spec['name']}.png", optimize=True)
 
     def bake(self) -> None:
         """Cycles' picture of the baked volume against ours of the same medium, and what view-independence costs."""
@@ -187,13 +253,14 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "results")
     parser.add_argument("--only", default="field,edits,bake")
     parser.add_argument("--edits", help="only these edits, by name")
+    parser.add_argument("--seeds", type=int, default=5, help="seeds of each edit")
     parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 2.0, 5.0, 10.0])
     parser.add_argument("--resolution", type=int, default=256)
     parser.add_argument("--threads", type=int, default=os.cpu_count())
     parser.add_argument("--blender", default="blender")
     results = Results(parser.parse_args())
     for step in results.args.only.split(","):
-        {"field": results.fields, "edits": results.edits, "bake": results.bake}[step]()
+        {"field": results.fields, "edits": results.edits, "bake": results.bake, "seeds": results.seeds}[step]()
     results_page.main()
 
 

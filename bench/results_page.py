@@ -63,6 +63,17 @@ def edit_table(edits: dict[str, dict[str, Any]]) -> str:
     return table(heads, rows)
 
 
+def seed_table(edits: dict[str, dict[str, Any]]) -> str:
+    rows = []
+    for e in edits.values():
+        tries = e["tries"]
+        shares = ", ".join(f"{t['asked_share']:.0%}" for t in tries)
+        outside = f"{max(t['d_l1_outside_object'] for t in tries):.3f}"
+        works = f"{sum(t['works'] for t in tries)} of {len(tries)}"
+        rows.append([f'{e["ops"]}: "{e["source"]}" → "{e["target"]}"', works, shares, outside])
+    return table(["edit", "works", "shows what was asked, seed by seed", "outside, object: the most"], rows)
+
+
 def bake_table(bake: dict[str, Any]) -> str:
     rows = [
         ["grid", f"{bake['resolution']}³, {bake['voxels']:,} active voxels"],
@@ -146,6 +157,7 @@ def speed_table(report: dict[str, Any]) -> str:
 MAKERS = {
     "field": field_table,
     "edits": edit_table,
+    "seeds": seed_table,
     "bake": bake_table,
     "machine": machine_table,
     "kernels": kernel_table,

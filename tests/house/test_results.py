@@ -38,6 +38,26 @@ def test_turned_share_counts_only_what_had_the_first_hue(tmp_path: Path) -> None
     assert share == pytest.approx(2 / 3)
 
 
+@pytest.mark.parametrize(
+    ("asked", "share"),
+    [
+        ({"of": "yellow", "hue": [340, 20]}, 1 / 2),
+        ({"of": "changed", "hue": [340, 20]}, 2 / 3),
+        ({"of": "object", "white": True}, 1 / 3),
+    ],
+)
+def test_asked_share_counts_inside_the_region(tmp_path: Path, asked: dict, share: float) -> None:
+    yellow, red, white, blue = (255, 220, 0), (220, 10, 20), (255, 255, 255), (0, 0, 255)
+    before = np.array([[yellow, yellow, white, blue, yellow, yellow]], np.uint8)
+    after = np.array([[red, yellow, red, white, red, white]], np.uint8)
+    mask = np.array([[255, 255, 255, 255, 0, 0]], np.uint8)
+    for name, image in (("a", before), ("b", after), ("m", mask)):
+        Image.fromarray(image).save(tmp_path / f"{name}.png")
+    got = results.asked_share(tmp_path / "a.png", tmp_path / "b.png", tmp_path / "m.png", asked)
+    assert got == pytest.approx(share)
+    assert results.asked_share(tmp_path / "a.png", tmp_path / "a.png", tmp_path / "m.png", asked) == 0
+
+
 def test_regions_are_drawn_and_subtracted(tmp_path: Path) -> None:
     regions = json.loads((BENCH / "lego" / "regions.json").read_text())
     masks = {}
