@@ -111,8 +111,12 @@ BaseSamples BaseMedium::sample_some(const RayBundle& rays, const BaseQuery& quer
     const Tensor kept = useful.logical_and(lasting > query.march.min_transmittance).nonzero().squeeze(1);
 
     const Samples samples = subset(all, kept);
-    const Tensor directions = rays.directions.index_select(0, samples.ray);
-    Medium medium{density_o.index_select(0, kept), field_->color(features.index_select(0, kept), directions)};
+    Medium medium{density_o.index_select(0, kept), at::zeros({samples.size(), 3})};
+    // Where f has no density its colour enters nowhere.
+    const Tensor dense = (medium.density > 0).nonzero().squeeze(1);
+    const Tensor directions = rays.directions.index_select(0, samples.ray.index_select(0, dense));
+    medium.color.index_copy_(0, dense,
+                             field_->color(features.index_select(0, kept.index_select(0, dense)), directions));
     for (const EditSamples& edit : edits) medium = blended_medium(medium, subset(edit, kept));
     return {samples, medium.density, medium.color, acting.index_select(0, kept)};
 }

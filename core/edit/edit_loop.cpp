@@ -190,7 +190,7 @@ class EditTraining {
 
     void preview(bool last) {
         if (options_.preview.empty() || (!last && since_preview_.seconds() < options_.preview_seconds)) return;
-        if (!preview_patch_.samples.t.defined()) {
+        if (!preview_patch_.positions.defined()) {
             const std::vector<Camera> cameras = cameras_.survey(8, preview_size);
             preview_patch_ = patches_.view(cameras[3], preview_size);
         }

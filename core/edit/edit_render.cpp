@@ -4,18 +4,6 @@
 
 namespace fieldgraft {
 
-namespace {
-
-// Values at the acting samples, 0 at the others.
-Tensor spread(const Tensor& values, const Tensor& acting, std::int64_t samples) {
-    if (!values.defined()) return values;
-    std::vector<std::int64_t> shape = values.sizes().vec();
-    shape[0] = samples;
-    return at::zeros(shape, values.options()).index_copy(0, acting, values);
-}
-
-}  // namespace
-
 Tensor RenderedEdit::map_sum() const {
     Tensor sum;
     for (const Tensor* map : {&added, &removed, &changed})
@@ -25,17 +13,12 @@ Tensor RenderedEdit::map_sum() const {
 
 RenderedEdit render_edit(const EditField& edit, const FrozenPatch& patch, const EditPlan& plan,
                          const BlendOptions& options, const Tensor& background) {
-    return render_samples(edit.evaluate(patch.samples.positions.index_select(0, patch.acting)), patch, plan, options,
-                          background);
+    return render_samples(edit.evaluate(patch.positions, patch.acting), patch, plan, options, background);
 }
 
-RenderedEdit render_samples(const EditSamples& acting, const FrozenPatch& patch, const EditPlan& plan,
+RenderedEdit render_samples(const EditSamples& g, const FrozenPatch& patch, const EditPlan& plan,
                             const BlendOptions& options, const Tensor& background) {
-    const std::int64_t count = patch.samples.size();
-    const EditSamples g{spread(acting.density_e, patch.acting, count), spread(acting.color_e, patch.acting, count),
-                        spread(acting.beta_density, patch.acting, count),
-                        spread(acting.beta_color, patch.acting, count)};
-    const BlendOut out = blend(patch.samples.start, patch.samples.delta, patch.density, patch.color, g, options);
+    const BlendOut out = blend(patch.start, patch.delta, patch.density, patch.color, g, options);
     const auto picture = [&](const Tensor& color, const Tensor& left) {
         return (color + left.unsqueeze(1) * background).reshape({patch.size, patch.size, 3});
     };
@@ -57,7 +40,7 @@ Tensor smoothness_loss(const EditField& edit, const FrozenPatch& patch, double d
     Tensor chosen = at::empty({count}, at::kLong);
     for (int i = 0; i < count; ++i)
         chosen.data_ptr<std::int64_t>()[i] = random.below(static_cast<std::uint32_t>(acting));
-    const Tensor positions = patch.samples.positions.index_select(0, patch.acting.index_select(0, chosen));
+    const Tensor positions = patch.positions.index_select(0, patch.acting.index_select(0, chosen));
     return jitter_penalty(edit, edit.evaluate(positions), positions, distance, random);
 }
 

@@ -19,8 +19,8 @@ struct RenderedEdit {
 
 RenderedEdit render_edit(const EditField& edit, const FrozenPatch& patch, const EditPlan& plan,
                          const BlendOptions& options, const Tensor& background);
-// The same for values of g that are already known at the patch's acting samples.
-RenderedEdit render_samples(const EditSamples& acting, const FrozenPatch& patch, const EditPlan& plan,
+// The same for values of g that are already known at all samples of the patch.
+RenderedEdit render_samples(const EditSamples& g, const FrozenPatch& patch, const EditPlan& plan,
                             const BlendOptions& options, const Tensor& background);
 
 // The jitter penalty of g at up to `count` of the patch's acting samples, `distance` in model units

@@ -11,12 +11,13 @@ constexpr float levels[] = {0.1f, 0.5f, 0.9f};
 
 // g at a patch's acting samples, all of it in one colour.
 EditSamples painted(const FrozenPatch& patch, const EditPlan& plan, const std::array<float, 3>& color, double edge) {
-    const std::int64_t count = patch.acting.size(0);
+    const std::int64_t count = patch.samples();
     const Operations& on = plan.operations;
     EditSamples g;
-    if (on.add) g.density_e = at::full({count}, opaque_depth / edge, at::kFloat);
+    const auto at_acting = [&](double value) { return at::zeros({count}).index_fill(0, patch.acting, value); };
+    if (on.add) g.density_e = at_acting(opaque_depth / edge);
     if (on.remove) g.beta_density = at::zeros({count});
-    if (on.change) g.beta_color = at::ones({count});
+    if (on.change) g.beta_color = at_acting(1);
     g.color_e = at::tensor(at::ArrayRef<float>(color)).expand({count, 3});
     return g;
 }

@@ -1,5 +1,7 @@
 #include "core/edit/frozen_patch.h"
 
+#include <algorithm>
+
 #include "core/edit/mask_ops.h"
 #include "core/edit/ray_sums.h"
 #include "core/edit/segmentation.h"
@@ -16,20 +18,19 @@ constexpr std::size_t most_bytes = 1'500'000'000;
 
 std::size_t bytes_of(const FrozenPatch& patch) {
     std::size_t total = 0;
-    for (const Tensor* tensor :
-         {&patch.samples.start, &patch.samples.ray, &patch.samples.positions, &patch.samples.t, &patch.samples.delta,
-          &patch.density, &patch.color, &patch.acting, &patch.image, &patch.opacity})
+    for (const Tensor* tensor : {&patch.start, &patch.positions, &patch.delta, &patch.density, &patch.color,
+                                 &patch.acting, &patch.image, &patch.opacity})
         total += tensor->nbytes();
     return total;
 }
 
 // The pixels that look into `cells` before the base has swallowed half the light.
-Tensor sees_cells(const FrozenPatch& patch, const Tensor& cells, const FieldGeometry& geometry) {
-    const Tensor cell = cell_of(geometry, static_cast<int>(cells.size(0)), patch.samples.positions);
+Tensor sees_cells(const Samples& samples, const Tensor& density, const Tensor& cells, const FieldGeometry& geometry) {
+    const Tensor cell = cell_of(geometry, static_cast<int>(cells.size(0)), samples.positions);
     const Tensor inside = cells.reshape(-1).index_select(0, cell.clamp_min(0)).to(at::kBool).logical_and(cell >= 0);
-    const Tensor lit =
-        transmittance_before(patch.samples.start, patch.samples.ray, patch.samples.delta, patch.density) > 0.5;
-    return sum_over_rays(inside.logical_and(lit).to(at::kFloat), patch.samples.ray, patch.opacity.size(0)) > 0.5;
+    const Tensor lit = transmittance_before(samples.start, samples.ray, samples.delta, density) > 0.5;
+    const std::int64_t rays = samples.start.size(0) - 1;
+    return sum_over_rays(inside.logical_and(lit).to(at::kFloat), samples.ray, rays) > 0.5;
 }
 
 }  // namespace
@@ -43,7 +44,11 @@ PatchSource::PatchSource(const BaseMedium& base, const EditCameras& cameras, con
     : base_(base), cameras_(cameras), spec_(spec), plan_(plan), region_(region), guide_(guide) {}
 
 const FrozenPatch& PatchSource::patch(std::uint64_t number) {
-    if (const auto found = kept_.find(number); found != kept_.end()) return found->second;
+    ++calls_;
+    if (const auto found = kept_.find(number); found != kept_.end()) {
+        found->second.used = calls_;
+        return found->second.patch;
+    }
     Random random(spec_.seed, 1000 + number);
     const Camera camera = cameras_.draw(random);
     const Patch pixels = sample_patch(camera.width, camera.height, spec_.patch, random);
@@ -51,13 +56,22 @@ const FrozenPatch& PatchSource::patch(std::uint64_t number) {
     // Masks the user has drawn correct the segmenter's once every five iterations (Blending-NeRF, appendix E).
     const bool drawn_turn = !spec_.masks.empty() && number % 5 == 4;
     FrozenPatch patch = make({rays.origins, rays.directions}, spec_.patch, plan_.segmenter_per_view && !drawn_turn);
-    const std::size_t size = bytes_of(patch);
-    if (spec_.camera_pool == 0 || kept_bytes_ + size > most_bytes) {
-        kept_.clear();
-        kept_bytes_ = 0;
+    const std::size_t bytes = bytes_of(patch);
+    make_room(spec_.camera_pool > 0 ? bytes : most_bytes);
+    kept_bytes_ += bytes;
+    return (kept_[number] = {std::move(patch), bytes, calls_}).patch;
+}
+
+void PatchSource::make_room(std::size_t bytes) {
+    const auto longest_unused = [&] {
+        return std::min_element(kept_.begin(), kept_.end(),
+                                [](const auto& a, const auto& b) { return a.second.used < b.second.used; });
+    };
+    while (!kept_.empty() && kept_bytes_ + bytes > most_bytes) {
+        const auto old = longest_unused();
+        kept_bytes_ -= old->second.bytes;
+        kept_.erase(old);
     }
-    kept_bytes_ += size;
-    return kept_[number] = std::move(patch);
 }
 
 FrozenPatch PatchSource::view(const Camera& camera, int size) const {
@@ -75,7 +89,9 @@ FrozenPatch PatchSource::make(const RayBundle& rays, int size, bool per_view_mas
     BaseSamples base = base_.sample(rays, query);
     FrozenPatch patch;
     patch.size = size;
-    patch.samples = base.samples;
+    patch.start = base.samples.start;
+    patch.positions = base.samples.positions;
+    patch.delta = base.samples.delta;
     patch.density = base.density;
     patch.color = base.color;
     const Tensor weight = sample_weights(base.samples.start, base.samples.ray, base.samples.delta, base.density);
@@ -90,8 +106,8 @@ FrozenPatch PatchSource::make(const RayBundle& rays, int size, bool per_view_mas
         const Tensor mask = segment_difference(guide_, picture, spec_.segmented_text()) > 0;
         patch.masks = region_masks(mask, dilations, size);
     } else if (region_.score.defined()) {
-        patch.masks =
-            region_masks(region_mask(patch, weight), region_.volume.defined() ? 0 : dilations, dilations, size);
+        patch.masks = region_masks(region_mask(base.samples, patch, weight), region_.volume.defined() ? 0 : dilations,
+                                   dilations, size);
     } else {
         const Tensor none = at::zeros({size, size}, at::kBool);
         patch.masks = {none, none};
@@ -100,14 +116,15 @@ FrozenPatch PatchSource::make(const RayBundle& rays, int size, bool per_view_mas
     return patch;
 }
 
-Tensor PatchSource::region_mask(const FrozenPatch& patch, const Tensor& weight) const {
+Tensor PatchSource::region_mask(const Samples& samples, const FrozenPatch& patch, const Tensor& weight) const {
     Tensor mask = at::zeros({patch.opacity.size(0)}, at::kBool);
     if (region_.on_surface) {
-        const Tensor score = sample_grid(region_.score, base_.geometry(), patch.samples.positions);
-        const Tensor shown = sum_over_rays(weight * (score > 0.5), patch.samples.ray, patch.opacity.size(0));
+        const Tensor score = sample_grid(region_.score, base_.geometry(), patch.positions);
+        const Tensor shown = sum_over_rays(weight * (score > 0.5), samples.ray, patch.opacity.size(0));
         mask = (shown > 0.5 * patch.opacity).logical_and(patch.opacity > 0.3);
     }
-    if (region_.volume.defined()) mask = mask.logical_or(sees_cells(patch, region_.volume, base_.geometry()));
+    if (region_.volume.defined())
+        mask = mask.logical_or(sees_cells(samples, patch.density, region_.volume, base_.geometry()));
     return mask.reshape({patch.size, patch.size});
 }
 

@@ -21,20 +21,23 @@
 namespace fieldgraft {
 
 struct FrozenPatch {
-    int size = 0;           // S
-    Samples samples;        // of S² rays, row by row
-    Tensor density, color;  // N, N×3
-    Tensor acting;          // int64, the samples at which g is evaluated; it counts as 0 at the others
-    Tensor image, opacity;  // S²×3 without background, S²
-    RegionMasks masks;      // S×S
-    double area = 0;        // of M₊, pixels
+    int size = 0;             // S
+    Tensor start;             // S²+1: of S² rays, row by row
+    Tensor positions, delta;  // N×3, N
+    Tensor density, color;    // N, N×3
+    Tensor acting;            // int64, the samples at which g is evaluated; it counts as 0 at the others
+    Tensor image, opacity;    // S²×3 without background, S²
+    RegionMasks masks;        // S×S
+    double area = 0;          // of M₊, pixels
 
+    std::int64_t samples() const { return delta.size(0); }
     Tensor over(const Tensor& background) const;  // S×S×3: the base's picture over a colour
 };
 
 class PatchSource {
   public:
-    // `region` and `guide` must outlive the source. spec.camera_pool patches are kept, at most 1.5 GB of them.
+    // `region` and `guide` must outlive the source. spec.camera_pool patches are kept, at most 1.5 GB of them: the
+    // one unused for longest goes first.
     PatchSource(const BaseMedium& base, const EditCameras& cameras, const EditSpec& spec, const EditPlan& plan,
                 const EditRegion& region, Guidance& guide);
 
@@ -44,8 +47,14 @@ class PatchSource {
     FrozenPatch view(const Camera& camera, int size) const;
 
   private:
+    struct Kept {
+        FrozenPatch patch;
+        std::size_t bytes;
+        std::uint64_t used;  // when, in calls
+    };
     FrozenPatch make(const RayBundle& rays, int size, bool per_view_mask) const;
-    Tensor region_mask(const FrozenPatch& patch, const Tensor& weight) const;
+    Tensor region_mask(const Samples& samples, const FrozenPatch& patch, const Tensor& weight) const;
+    void make_room(std::size_t bytes);
 
     const BaseMedium& base_;
     const EditCameras& cameras_;
@@ -53,8 +62,9 @@ class PatchSource {
     EditPlan plan_;
     const EditRegion& region_;
     Guidance& guide_;
-    std::map<std::uint64_t, FrozenPatch> kept_;
+    std::map<std::uint64_t, Kept> kept_;
     std::size_t kept_bytes_ = 0;
+    std::uint64_t calls_ = 0;
 };
 
 }  // namespace fieldgraft

@@ -7,12 +7,10 @@
 #include "core/base/random.h"
 #include "core/base/shape.h"
 #include "core/field/cells.h"
-#include "core/field/grid_encoding.h"
 
 namespace fieldgraft {
 namespace {
 
-constexpr double logit_bound = 8;        // sigmoid stays within 3.4e-4 of 0 and 1, its gradient alive
 constexpr float initial_feature = 0.1f;  // grid entries start uniform within ± this
 constexpr double density_cells = 128;    // density_e is counted per box edge / 128
 
@@ -24,7 +22,7 @@ struct Head {
 
 // z with sigmoid(8 tanh(z/8)) = value.
 double bounded_bias(double value) {
-    return logit_bound * std::atanh(std::log(value / (1 - value)) / logit_bound);
+    return bounded_logit * std::atanh(std::log(value / (1 - value)) / bounded_logit);
 }
 
 // The heads that the operations need, in the order in which they lie in the network's output.
@@ -83,16 +81,20 @@ double read_number(const Json& json, const char* key, double low, double high) {
     return value;
 }
 
-Tensor bounded(const Tensor& z) {
-    return at::sigmoid(at::tanh(z / logit_bound) * logit_bound);
-}
-
-// values (M or M×3) at rows `index` of N, 0 elsewhere.
-Tensor spread(const Tensor& values, const Tensor& index, std::int64_t count) {
-    if (!values.defined()) return values;
-    std::vector<std::int64_t> shape = values.sizes().vec();
-    shape[0] = count;
-    return at::zeros(shape, values.options()).index_copy(0, index, values);
+std::shared_ptr<const EditNetwork> network_of(const EditFieldConfig& config, const FieldGeometry& geometry) {
+    auto network = std::make_shared<EditNetwork>();
+    network->grid = make_level_grid(config.resolutions, config.features_per_level, config.log2_table_size);
+    network->geometry = geometry;
+    network->mlp.encoded = static_cast<int>(network->grid.rows());
+    network->mlp.hidden = config.hidden;
+    network->mlp.density_scale = static_cast<float>(density_cells / longest_edge(geometry));
+    for (const Head& head : heads_of(config)) {
+        const bool density = std::string(head.name) == "density_e";
+        network->heads.push_back(static_cast<int>(head.size));
+        network->mlp.outputs.insert(network->mlp.outputs.end(), head.size,
+                                    density ? EditActivation::softplus : EditActivation::bounded);
+    }
+    return network;
 }
 
 }  // namespace
@@ -160,49 +162,37 @@ EditFieldConfig EditFieldConfig::from_json(const Json& json) {
 EditField::EditField(const EditFieldConfig& config, const FieldGeometry& geometry, std::uint64_t seed)
     : config_(EditFieldConfig::from_json(config.to_json())),
       geometry_(FieldGeometry::from_json(geometry.to_json())),
-      grid_(std::make_shared<HashGrid>(
-          make_level_grid(config.resolutions, config.features_per_level, config.log2_table_size))),
-      parameters_(initial_parameters(config_, *grid_, seed)),
+      network_(network_of(config_, geometry_)),
+      parameters_(initial_parameters(config_, network_->grid, seed)),
       level_weights_(config.resolutions.size(), 1.0f) {}
 
 EditSamples EditField::evaluate(const Tensor& positions) const {
-    const Tensor inside = in_cells(geometry_, support_, positions);  // checks the positions' shape
-    const std::int64_t count = positions.size(0);
-    const Tensor index = inside.nonzero().squeeze(1);
-    if (index.size(0) == count) return evaluate_inside(positions);
-    const EditSamples part = evaluate_inside(positions.index_select(0, index));
-    return {spread(part.density_e, index, count), spread(part.color_e, index, count),
-            spread(part.beta_density, index, count), spread(part.beta_color, index, count)};
+    return evaluate(positions, at::arange(positions.size(0), at::kLong));
 }
 
-EditSamples EditField::evaluate_inside(const Tensor& positions) const {
-    Tensor encoded = encode_positions(grid_, geometry_, positions, parameters_.at("grid.table"));
-    if (std::any_of(level_weights_.begin(), level_weights_.end(), [](float w) { return w != 1; })) {
-        encoded = encoded * torch::tensor(level_weights_).repeat_interleave(config_.features_per_level).unsqueeze(1);
-    }
-    const Tensor hidden =
-        at::relu(at::addmm(parameters_.at("hidden.bias").unsqueeze(1), parameters_.at("hidden.weight"), encoded));
+EditSamples EditField::evaluate(const Tensor& positions, const Tensor& index) const {
+    const bool all = index.size(0) == positions.size(0);
+    const Tensor inside = in_cells(geometry_, support_, all ? positions : positions.index_select(0, index));
+    const Tensor asked = inside.all().item<bool>() ? index : index.masked_select(inside);
+    Tensor hidden_weight = parameters_.at("hidden.weight");
+    if (std::any_of(level_weights_.begin(), level_weights_.end(), [](float w) { return w != 1; }))
+        hidden_weight = hidden_weight * torch::tensor(level_weights_).repeat_interleave(config_.features_per_level);
     std::vector<Tensor> weights, biases;
     const std::vector<Head> heads = heads_of(config_);
     for (const Head& head : heads) {
         weights.push_back(parameters_.at(std::string(head.name) + ".weight"));
         biases.push_back(parameters_.at(std::string(head.name) + ".bias"));
     }
-    const Tensor z = at::addmm(at::cat(biases).unsqueeze(1), at::cat(weights), hidden);
+    const std::vector<Tensor> values =
+        edit_network(network_, positions, asked, parameters_.at("grid.table"), hidden_weight,
+                     parameters_.at("hidden.bias"), at::cat(weights), at::cat(biases));
     EditSamples out;
-    std::int64_t row = 0;
-    for (const Head& head : heads) {
-        const std::string name = head.name;
-        const Tensor part = head.size == 1 ? z.select(0, row) : z.narrow(0, row, head.size).t();
-        if (name == "density_e")
-            out.density_e = at::softplus(part) * (density_cells / longest_edge(geometry_));
-        else if (name == "color_e")
-            out.color_e = bounded(part);
-        else if (name == "beta_density")
-            out.beta_density = bounded(part);
-        else
-            out.beta_color = bounded(part);
-        row += head.size;
+    for (std::size_t i = 0; i < heads.size(); ++i) {
+        const std::string name = heads[i].name;
+        (name == "density_e"      ? out.density_e
+         : name == "color_e"      ? out.color_e
+         : name == "beta_density" ? out.beta_density
+                                  : out.beta_color) = values[i];
     }
     return out;
 }
@@ -235,7 +225,7 @@ std::map<std::string, Tensor> EditField::tensors() const {
     std::map<std::string, Tensor> all;
     for (const auto& [name, parameter] : parameters_) all[name] = parameter.detach().clone();
     for (std::size_t l = 0; l < level_weights_.size(); ++l) {
-        const HashGridLevel& level = grid_->levels[l];
+        const HashGridLevel& level = network_->grid.levels[l];
         if (level_weights_[l] == 1) continue;
         all["grid.table"].narrow(0, static_cast<std::int64_t>(level.offset), level.entries).mul_(level_weights_[l]);
     }

@@ -9,7 +9,7 @@
 // is set, outside its cells (a step: not differentiable there).
 //
 // Shapes: positions N×3 float32 (model coordinates). Outputs N or N×3, undefined tensors for heads that are off.
-// Differentiable in the parameters, not in the positions. Bits do not depend on the number of threads in the encoding.
+// Differentiable in the parameters, not in the positions. Bits do not depend on the number of threads.
 #pragma once
 
 #include <array>
@@ -20,8 +20,8 @@
 #include <vector>
 
 #include "core/base/torch.h"
+#include "core/field/edit_network.h"
 #include "core/field/geometry.h"
-#include "core/kernels/hash_grid_ref.h"
 
 namespace fieldgraft {
 
@@ -61,6 +61,8 @@ class EditField {
   public:
     EditField(const EditFieldConfig& config, const FieldGeometry& geometry, std::uint64_t seed);
     EditSamples evaluate(const Tensor& positions) const;
+    // The same, 0 but for the samples `index` (M int64, ascending) of the N.
+    EditSamples evaluate(const Tensor& positions, const Tensor& index) const;
 
     const std::map<std::string, Tensor>& parameters() const { return parameters_; }
     const EditFieldConfig& config() const { return config_; }
@@ -79,11 +81,10 @@ class EditField {
 
   private:
     friend struct EditFile;
-    EditSamples evaluate_inside(const Tensor& positions) const;
 
     EditFieldConfig config_;
     FieldGeometry geometry_;
-    std::shared_ptr<const HashGrid> grid_;
+    std::shared_ptr<const EditNetwork> network_;
     std::map<std::string, Tensor> parameters_;
     std::vector<float> level_weights_;
     Tensor support_;

@@ -16,8 +16,6 @@ HWY_BEFORE_NAMESPACE();
 namespace fieldgraft {
 namespace HWY_NAMESPACE {
 
-constexpr int tile = 48;  // samples whose activations stay in the first-level cache
-
 struct Widths {
     int e, h, f, b, c;
     explicit Widths(const FieldMlpShape& s)
@@ -27,25 +25,6 @@ struct Widths {
           b(padded(s.basis)),
           c(padded(s.color_hidden)) {}
 };
-
-// Calls body(first, count) for tiles of n samples.
-template <class Body>
-HWY_INLINE void for_tiles(int n, Body body) {
-    for (int first = 0; first < n; first += tile) body(std::size_t(first), std::min(tile, n - first));
-}
-
-// A row-major matrix times a row-major matrix.
-template <Store store>
-HWY_INLINE void rows_times(const float* a, int a_row, const float* b, float* c, int m, int n, int depth,
-                           const float* gate = nullptr) {
-    multiply<store>({a, std::size_t(a_row), 1, b, std::size_t(n), c, std::size_t(n), gate}, m, n, depth);
-}
-
-// gradient (in×out) += Σ over samples of x (samples×in, row length x_row) and y (samples×out).
-HWY_INLINE void add_outer(const float* x, int x_row, int in, const float* y, int out, int samples, float* gradient) {
-    multiply<Store::add>({x, 1, std::size_t(x_row), y, std::size_t(out), gradient, std::size_t(out), nullptr}, in, out,
-                         samples);
-}
 
 void density_forward(const FieldMlpWeights& weights, const float* encoded, int n, float* features) {
     const Widths w(weights.shape());

@@ -6,6 +6,7 @@
 // same: a weight gradient Σ_s x(s, in) y(s, out) is a product whose a walks down the columns of x. Sums run in order of
 // k with fused multiply-adds: bits do not depend on m or n, but differ between instruction sets only by rounding of
 // the same sum (FMA or not).
+#include <algorithm>
 #include <cstddef>
 
 #include <hwy/highway.h>
@@ -134,6 +135,28 @@ HWY_INLINE void multiply(Operands o, int m, int n, int depth) {
         o.c += step;
         if (store == Store::gated) o.gate += step;
     }
+}
+
+// A row-major matrix times a row-major matrix.
+template <Store store>
+HWY_INLINE void rows_times(const float* a, int a_row, const float* b, float* c, int m, int n, int depth,
+                           const float* gate = nullptr) {
+    multiply<store>({a, std::size_t(a_row), 1, b, std::size_t(n), c, std::size_t(n), gate}, m, n, depth);
+}
+
+// gradient (in×out) += Σ over samples of x (samples×in, row length x_row) and y (samples×out).
+HWY_INLINE void add_outer(const float* x, int x_row, int in, const float* y, int out, int samples, float* gradient) {
+    multiply<Store::add>({x, 1, std::size_t(x_row), y, std::size_t(out), gradient, std::size_t(out), nullptr}, in, out,
+                         samples);
+}
+
+// Layers over rows of samples work in tiles, whose activations stay in the first-level cache.
+constexpr int tile = 48;
+
+// Calls body(first, count) for tiles of n samples.
+template <class Body>
+HWY_INLINE void for_tiles(int n, Body body) {
+    for (int first = 0; first < n; first += tile) body(std::size_t(first), std::min(tile, n - first));
 }
 
 }  // namespace HWY_NAMESPACE

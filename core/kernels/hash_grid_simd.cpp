@@ -99,9 +99,10 @@ HWY_INLINE void find_group(const HashGridLevel& level, const float* positions, s
 }
 
 // On their way while another group is worked on: a fine level's table lies further away than the first-level cache.
+template <std::size_t features>
 HWY_INLINE void prefetch(const float* entries, const Corners& corners) {
     for (const auto& corner : corners.entry) {
-        for (std::size_t i = 0; i < group; ++i) __builtin_prefetch(entries + std::size_t{corner[i]} * 2);
+        for (std::size_t i = 0; i < group; ++i) __builtin_prefetch(entries + std::size_t{corner[i]} * features);
     }
 }
 
@@ -135,7 +136,7 @@ void encode_level(const HashGridLevel& level, const float* entries, const float*
         const Corners& corners = buffers[turn];
         if (g + group < count) {
             find_group(level, positions, n, first + g + group, buffers[turn ^ 1]);
-            if (!level.dense) prefetch(entries, buffers[turn ^ 1]);
+            if (!level.dense) prefetch<2>(entries, buffers[turn ^ 1]);
         }
         for (std::size_t i = 0; i < group; i += pairs) {
             const auto fx = doubled(corners.fraction[0] + i), fy = doubled(corners.fraction[1] + i),
@@ -169,6 +170,46 @@ void encode(const HashGrid& grid, const float* table, const float* positions, st
             std::fill(to + 2 * levels, to + row, 0.0f);
         }
     }
+}
+
+// Four features: an entry is a vector of its own, and a level of n samples is written where it belongs.
+using Quad = hn::FixedTag<float, 4>;
+
+void encode_level_of_four(const HashGridLevel& level, const float* entries, const float* positions, std::size_t n,
+                          float* out, std::size_t row) {
+    const Quad d;
+    Corners buffers[2];
+    int turn = 0;
+    find_group(level, positions, n, 0, buffers[0]);
+    for (std::size_t first = 0; first < n; first += group, turn ^= 1) {
+        const Corners& corners = buffers[turn];
+        if (first + group < n) {
+            find_group(level, positions, n, first + group, buffers[turn ^ 1]);
+            if (!level.dense) prefetch<4>(entries, buffers[turn ^ 1]);
+        }
+        const std::size_t count = std::min(group, n - first);
+        for (std::size_t i = 0; i < count; ++i) {
+            const float x = corners.fraction[0][i], y = corners.fraction[1][i], z = corners.fraction[2][i];
+            const auto fx = hn::Set(d, x), gx = hn::Set(d, 1 - x);
+            const float area[4] = {(1 - y) * (1 - z), y * (1 - z), (1 - y) * z, y * z};
+            auto sum = hn::Zero(d);
+            for (int c = 0; c < 4; ++c) {
+                const auto low = hn::LoadU(d, entries + std::size_t{corners.entry[2 * c][i]} * 4);
+                const auto high = hn::LoadU(d, entries + std::size_t{corners.entry[2 * c + 1][i]} * 4);
+                sum = hn::MulAdd(hn::Set(d, area[c]), hn::MulAdd(fx, high, hn::Mul(gx, low)), sum);
+            }
+            hn::StoreU(sum, d, out + (first + i) * row);
+        }
+    }
+}
+
+void encode_four(const HashGrid& grid, const float* table, const float* positions, std::size_t n, float* encoded,
+                 std::size_t row) {
+    const std::size_t width = grid.rows();
+    for (std::size_t l = 0; l < grid.levels.size(); ++l)
+        encode_level_of_four(grid.levels[l], table + 4 * grid.levels[l].offset, positions, n, encoded + 4 * l, row);
+    for (std::size_t s = 0; s < n && width < row; ++s)
+        std::fill(encoded + s * row + width, encoded + (s + 1) * row, 0.0f);
 }
 
 // The gradients of one cell's eight corners, two features each: 16 floats.
@@ -221,7 +262,7 @@ void add_gradient(const HashGridLevel& level, const HashGridRows& rows, int numb
         const Corners& now = buffers[turn];
         if (first + group < rows.n) {
             find_group(level, rows.positions, rows.n, first + group, buffers[turn ^ 1]);
-            if (!level.dense) prefetch(grad, buffers[turn ^ 1]);
+            if (!level.dense) prefetch<2>(grad, buffers[turn ^ 1]);
         }
         const std::size_t count = std::min(group, rows.n - first);
         for (std::size_t i = 0; i < count; ++i) {
@@ -242,6 +283,51 @@ void add_gradient(const HashGridLevel& level, const HashGridRows& rows, int numb
                     hn::Mul(hn::MulAdd(fx, signs[0][p], starts[0][p]), hn::MulAdd(fy, signs[1][p], starts[1][p])),
                     hn::MulAdd(fz, signs[2][p], starts[2][p]));
                 sum[p] = hn::MulAdd(weight, g, sum[p]);
+            }
+        }
+    }
+    flush();
+}
+
+// The same with four features: runs of samples in one cell are summed in eight vectors.
+void add_gradient_of_four(const HashGridLevel& level, const HashGridRows& rows, int number, float* grad) {
+    if (rows.n == 0) return;
+    const Quad d;
+    const float* gradients = rows.encoded_grad + static_cast<std::size_t>(number) * rows.level_step;
+    Corners buffers[2];
+    hn::Vec<Quad> sum[8];
+    for (auto& s : sum) s = hn::Zero(d);
+    std::uint32_t entry[8] = {}, cell[3] = {~0u, ~0u, ~0u};
+    const auto flush = [&]() HWY_ATTR {
+        for (int c = 0; c < 8; ++c) {
+            float* place = grad + std::size_t{entry[c]} * 4;
+            hn::StoreU(hn::Add(hn::LoadU(d, place), sum[c]), d, place);
+            sum[c] = hn::Zero(d);
+        }
+    };
+    int turn = 0;
+    find_group(level, rows.positions, rows.n, 0, buffers[0]);
+    for (std::size_t first = 0; first < rows.n; first += group, turn ^= 1) {
+        const Corners& now = buffers[turn];
+        if (first + group < rows.n) {
+            find_group(level, rows.positions, rows.n, first + group, buffers[turn ^ 1]);
+            if (!level.dense) prefetch<4>(grad, buffers[turn ^ 1]);
+        }
+        const std::size_t count = std::min(group, rows.n - first);
+        for (std::size_t i = 0; i < count; ++i) {
+            if (((now.cell[0][i] ^ cell[0]) | (now.cell[1][i] ^ cell[1]) | (now.cell[2][i] ^ cell[2])) != 0) {
+                flush();
+                for (int c = 0; c < 8; ++c) entry[c] = now.entry[c][i];
+                for (int a = 0; a < 3; ++a) cell[a] = now.cell[a][i];
+            }
+            const float x = now.fraction[0][i], y = now.fraction[1][i], z = now.fraction[2][i];
+            const auto g = hn::LoadU(d, gradients + (first + i) * rows.row);
+            const auto high = hn::Mul(g, hn::Set(d, x)), low = hn::Mul(g, hn::Set(d, 1 - x));
+            const float area[4] = {(1 - y) * (1 - z), y * (1 - z), (1 - y) * z, y * z};
+            for (int c = 0; c < 4; ++c) {
+                const auto a = hn::Set(d, area[c]);
+                sum[2 * c] = hn::MulAdd(a, low, sum[2 * c]);
+                sum[2 * c + 1] = hn::MulAdd(a, high, sum[2 * c + 1]);
             }
         }
     }
@@ -299,7 +385,9 @@ void add_gradient_with_reference(const HashGrid& grid, int level, const HashGrid
 }  // namespace
 
 HWY_EXPORT(encode);
+HWY_EXPORT(encode_four);
 HWY_EXPORT(add_gradient);
+HWY_EXPORT(add_gradient_of_four);
 
 void hash_grid_encode(const HashGrid& grid, std::span<const float> table, const float* positions, std::size_t n,
                       float* encoded, std::size_t row) {
@@ -308,6 +396,8 @@ void hash_grid_encode(const HashGrid& grid, std::span<const float> table, const 
     }
     if (grid.features == 2) {
         HWY_DYNAMIC_DISPATCH(encode)(grid, table.data(), positions, n, encoded, row);
+    } else if (grid.features == 4) {
+        HWY_DYNAMIC_DISPATCH(encode_four)(grid, table.data(), positions, n, encoded, row);
     } else {
         encode_with_reference(grid, table, positions, n, encoded, row);
     }
@@ -317,6 +407,8 @@ void hash_grid_add_gradient(const HashGrid& grid, int level, std::span<const Has
     for (const HashGridRows& rows : parts) {
         if (grid.features == 2) {
             HWY_DYNAMIC_DISPATCH(add_gradient)(grid.levels[level], rows, level, level_grad);
+        } else if (grid.features == 4) {
+            HWY_DYNAMIC_DISPATCH(add_gradient_of_four)(grid.levels[level], rows, level, level_grad);
         } else {
             add_gradient_with_reference(grid, level, rows, level_grad);
         }

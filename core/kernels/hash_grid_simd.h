@@ -1,8 +1,8 @@
 // Multiresolution hash encoding and its gradient: SIMD, dispatched at run time. What is computed is hash_grid_ref.h's.
 //
 // Layout: positions 3×n feature-major (three rows of n); encoded n rows of `row` floats (row ≥ grid.rows()), one row a
-// sample, level after level; columns past grid.rows() are written as 0. Two features a level take the fast path;
-// other numbers are handed to the reference.
+// sample, level after level; columns past grid.rows() are written as 0. Two and four features a level take
+// the fast paths; other numbers are handed to the reference.
 //
 // Forward works through a level for many samples before the next, so that a level's table stays in the cache. Errors
 // as in hash_grid_ref.h. Backward adds up runs of samples in one cell before it touches the table: rounding differs

@@ -59,10 +59,13 @@ TEST_F(FirstColor, TheGuidesChoiceHasTheLeastLoss) {
             Random random(3);
             double loss = 0;
             for (const FrozenPatch& patch : patches) {
-                const std::int64_t count = patch.acting.size(0);
+                const std::int64_t count = patch.samples();
+                const auto at_acting = [&](double value) {
+                    return at::zeros({count}).index_fill(0, patch.acting, value);
+                };
                 EditSamples g;
-                if (plan.operations.add) g.density_e = at::full({count}, 64 / edge, at::kFloat);
-                if (plan.operations.change) g.beta_color = at::ones({count});
+                if (plan.operations.add) g.density_e = at_acting(64 / edge);
+                if (plan.operations.change) g.beta_color = at_acting(1);
                 g.color_e = at::tensor(at::ArrayRef<float>(color)).expand({count, 3});
                 const Tensor white = at::ones({3});
                 const RenderedEdit r = render_samples(g, patch, plan, {spec.compositing, spec.removed}, white);

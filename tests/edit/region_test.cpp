@@ -60,8 +60,8 @@ TEST(Region, MasksActFromEveryCamera) {
     EXPECT_LT(inside, 0.8 * 24 * 24);
     EXPECT_FALSE(patch.masks.positive.logical_and(patch.masks.negative).any().item<bool>());
     // The same number gives the same patch.
-    EXPECT_TRUE(at::equal(source.patch(0).samples.t,
-                          PatchSource(base, cameras, spec, plan, region, *world.inputs.guide).patch(0).samples.t));
+    EXPECT_TRUE(at::equal(source.patch(0).positions,
+                          PatchSource(base, cameras, spec, plan, region, *world.inputs.guide).patch(0).positions));
 }
 
 TEST(Region, SaysWhatIsWrongWithAMask) {

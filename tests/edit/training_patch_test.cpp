@@ -22,7 +22,9 @@ FrozenPatch patch_of(const BaseMedium& base, const EditField& top, int extra_str
     EXPECT_FALSE(samples.color.requires_grad());
     FrozenPatch patch;
     patch.size = size;
-    patch.samples = samples.samples;
+    patch.start = samples.samples.start;
+    patch.positions = samples.samples.positions;
+    patch.delta = samples.samples.delta;
     patch.density = samples.density;
     patch.color = samples.color;
     patch.acting = samples.acting.nonzero().squeeze(1);

@@ -114,22 +114,26 @@ INSTANTIATE_TEST_SUITE_P(Grids, HashGridSimd,
                          ::testing::Values(Case{16, 2, 17, 16, 1024, 515, 32}, Case{16, 2, 12, 16, 2048, 1000, 32},
                                            Case{3, 2, 19, 8, 32, 1, 16}, Case{1, 2, 14, 4, 4, 17, 16},
                                            Case{5, 2, 10, 2, 64, 0, 16}, Case{8, 2, 15, 16, 512, 9001, 16},
-                                           Case{4, 4, 12, 8, 128, 2100, 16}, Case{2, 3, 10, 8, 32, 33, 6}));
+                                           Case{4, 4, 12, 8, 128, 2100, 16}, Case{3, 4, 17, 8, 32, 9001, 16},
+                                           Case{3, 4, 17, 8, 32, 1, 12}, Case{3, 4, 10, 8, 32, 0, 16},
+                                           Case{2, 3, 10, 8, 32, 33, 6}));
 
 TEST(HashGridSimdHardInputs, NaNPositionsTouchNothingOutsideTheTable) {
-    const HashGrid grid = make_hash_grid(4, 2, 10, 4, 64);
-    const auto table = random_values<float>(grid.entries * 2, 3);
     const float inf = std::numeric_limits<float>::infinity();
     const std::vector<float> at{NAN, inf, 0.5f, 0.5f, -inf, 0.5f, 1e30f, 0.25f, NAN};
     const std::vector<float> grads(3 * 16, 1.0f);
-    on_every_target([&] {
-        std::vector<float> rows(3 * 16), grad(table.size());
-        hash_grid_encode(grid, table, at.data(), 3, rows.data(), 16);
-        EXPECT_TRUE(std::isfinite(rows[2 * 16]));
-        const HashGridRows part{at.data(), grads.data(), 3, 16, 2};
-        for (int l = 0; l < 4; ++l)
-            hash_grid_add_gradient(grid, l, {&part, 1}, grad.data() + 2 * grid.levels[l].offset);
-    });
+    for (const std::size_t features : {2, 4}) {
+        const HashGrid grid = make_hash_grid(4, static_cast<int>(features), 10, 4, 64);
+        const auto table = random_values<float>(grid.entries * features, 3);
+        on_every_target([&] {
+            std::vector<float> rows(3 * 16), grad(table.size());
+            hash_grid_encode(grid, table, at.data(), 3, rows.data(), 16);
+            EXPECT_TRUE(std::isfinite(rows[2 * 16]));
+            const HashGridRows part{at.data(), grads.data(), 3, 16, features};
+            for (int l = 0; l < 4; ++l)
+                hash_grid_add_gradient(grid, l, {&part, 1}, grad.data() + features * grid.levels[l].offset);
+        });
+    }
 }
 
 TEST(HashGridSimdHardInputs, RefusesWrongSizes) {
