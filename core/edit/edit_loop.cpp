@@ -10,6 +10,7 @@
 #include "core/edit/edit_state.h"
 #include "core/edit/edit_step.h"
 #include "core/edit/first_color.h"
+#include "core/edit/patch_source.h"
 #include "core/field/edit_support.h"
 
 namespace fieldgraft {
@@ -95,7 +96,7 @@ class EditTraining {
     void seek_first_color() {
         std::vector<FrozenPatch> patches;
         for (std::uint64_t number = 0; number < 16 && patches.size() < 4; ++number) {
-            const FrozenPatch& patch = patches_.patch(number);
+            const FrozenPatch patch = patches_.patch(number);
             if (patch.area > 0 && patch.acting.size(0) > 0) patches.push_back(patch);
         }
         if (patches.empty()) return;  // the region is in none of them
@@ -204,7 +205,7 @@ class EditTraining {
         at::NoGradGuard no_gradients;
         double area = 0;
         for (std::uint64_t number = 0; number < 8; ++number) {
-            const FrozenPatch& patch = patches_.patch(number);
+            const FrozenPatch patch = patches_.patch(number);
             const RenderedEdit r =
                 render_edit(*field_, patch, plan_, {spec_.compositing, spec_.removed}, at::ones({3}));
             const auto inside = [&](const Tensor& map) {

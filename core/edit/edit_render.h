@@ -5,6 +5,8 @@
 // parameters through blend(); the stop-gradients of the maps are the renderer's.
 #pragma once
 
+#include "core/base/random.h"
+#include "core/edit/edit_plan.h"
 #include "core/edit/frozen_patch.h"
 #include "core/render/blend.h"
 

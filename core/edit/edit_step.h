@@ -6,6 +6,7 @@
 // g.
 #pragma once
 
+#include "core/edit/edit_plan.h"
 #include "core/edit/edit_render.h"
 #include "core/edit/text_objective.h"
 

@@ -10,6 +10,7 @@
 #include <array>
 #include <vector>
 
+#include "core/edit/edit_plan.h"
 #include "core/edit/edit_render.h"
 #include "core/edit/text_objective.h"
 

@@ -5,7 +5,7 @@
 
 #include <algorithm>
 
-#include "core/edit/edit_cameras.h"
+#include "core/edit/patch_source.h"
 #include "core/field/edit_support.h"
 #include "tests/base/one_thread.h"
 #include "tests/edit/edit_fixtures.h"

@@ -1,7 +1,7 @@
 // Where an edit acts: the base sampled as the renderer draws it, masks fused in 3D, the cells for added density.
 #include <gtest/gtest.h>
 
-#include "core/edit/frozen_patch.h"
+#include "core/edit/patch_source.h"
 #include "core/edit/ray_sums.h"
 #include "core/edit/volume_cells.h"
 #include "core/edit/vote_grid.h"
@@ -59,9 +59,43 @@ TEST(Region, MasksActFromEveryCamera) {
     EXPECT_GT(inside, 0);
     EXPECT_LT(inside, 0.8 * 24 * 24);
     EXPECT_FALSE(patch.masks.positive.logical_and(patch.masks.negative).any().item<bool>());
-    // The same number gives the same patch.
-    EXPECT_TRUE(at::equal(source.patch(0).positions,
-                          PatchSource(base, cameras, spec, plan, region, *world.inputs.guide).patch(0).positions));
+    // The same number gives the same patch, made or kept.
+    PatchSource other(base, cameras, spec, plan, region, *world.inputs.guide);
+    for (int again = 0; again < 2; ++again) {
+        const FrozenPatch same = other.patch(0);
+        EXPECT_TRUE(at::equal(same.positions, patch.positions));
+        EXPECT_TRUE(at::equal(same.color, patch.color));
+        EXPECT_TRUE(at::equal(same.acting, patch.acting));
+    }
+}
+
+TEST(PackedPatch, GivesBackWhatItWasMadeOf) {
+    SmallWorld world;
+    const BaseMedium base(world.inputs.field, {});
+    EditSpec spec = small_spec("add,change", world.folder.path());
+    const EditPlan plan = EditPlan::compile(spec);
+    const EditCameras cameras(base.geometry(), spec, &world.scene);
+    EditRegion region;
+    const PatchSource source(base, cameras, spec, plan, region, *world.inputs.guide);
+    const Camera camera = cameras.survey(1, 24)[0];
+    FrozenPatch patch = source.view(camera, 24);
+    patch.acting = at::arange(1, patch.samples(), 3, at::kLong);
+    const Rays rays = rays_of_view(square(camera, 24));
+    const PackedPatch packed(patch, {rays.origins, rays.directions});
+    const FrozenPatch back = packed.unpacked();
+    ASSERT_GT(patch.samples(), 1000);
+    EXPECT_TRUE(at::allclose(back.positions, patch.positions, 0, 2e-6));
+    EXPECT_TRUE(at::allclose(back.color, patch.color, 5e-4, 1e-7));
+    for (const auto& [now, before] : {std::pair{back.start, patch.start},
+                                      {back.delta, patch.delta},
+                                      {back.density, patch.density},
+                                      {back.acting, patch.acting},
+                                      {back.image, patch.image},
+                                      {back.opacity, patch.opacity}})
+        EXPECT_TRUE(at::equal(now, before));
+    EXPECT_EQ(back.size, 24);
+    const std::size_t pixels = 24 * 24 * 64;
+    EXPECT_LT(packed.bytes(), static_cast<std::size_t>(20 * patch.samples()) + pixels);
 }
 
 TEST(Region, SaysWhatIsWrongWithAMask) {
