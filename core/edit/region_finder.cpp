@@ -8,6 +8,7 @@
 #include "core/edit/segmentation.h"
 #include "core/edit/volume_cells.h"
 #include "core/edit/vote_grid.h"
+#include "core/field/cells.h"
 #include "core/render/hull.h"
 
 namespace fieldgraft {
@@ -143,14 +144,14 @@ int reach_in_cells(const EditSpec& spec, const FieldGeometry& geometry, int reso
 
 // Where the views' dilated regions agree, near the region: where few cameras look, they agree on too much.
 Tensor cells_around(const Tensor& hull, const Tensor& score, int reach) {
-    const Tensor region = resample_cells((score > 0.5).to(at::kByte), volume_resolution);
-    return region.any().item<bool>() ? hull.logical_and(grow_cells(region, reach)).to(at::kByte) : hull;
+    const Tensor region = resampled_cells((score > 0.5).to(at::kByte), volume_resolution);
+    return region.any().item<bool>() ? hull.logical_and(dilated(region, reach)).to(at::kByte) : hull;
 }
 
 // What removing the region would leave in the air, cell by cell. A film one cell thick beside the region holds nothing.
 Tensor hanging_cells(const Tensor& seen, const Tensor& region) {
-    const Tensor pieces = cut_off_pieces(seen, grow_cells(region.to(at::kByte), 1), hanging_share);
-    return grow_cells(pieces, 1).logical_and(seen);
+    const Tensor pieces = cut_off_pieces(seen, dilated(region.to(at::kByte), 1), hanging_share);
+    return dilated(pieces, 1).logical_and(seen);
 }
 
 // Where density may be added, and what counts as the region in a view then.
@@ -158,7 +159,7 @@ void place_volume(EditRegion& region, const Survey& survey, const EditSpec& spec
                   const FieldGeometry& geometry) {
     const bool above = spec.resolved_placement() == Placement::above && spec.region_source == RegionSource::segmenter;
     region.volume =
-        above ? cells_above(geometry, resample_cells((region.score > 0.5).to(at::kByte), ball_resolution), 0.45)
+        above ? cells_above(geometry, resampled_cells((region.score > 0.5).to(at::kByte), ball_resolution), 0.45)
               : cells_around(survey.hull(), region.score, reach_in_cells(spec, geometry, volume_resolution));
     region.on_surface = plan.operations.change || plan.operations.remove || !above;
     if (!region.volume.any().item<bool>())
@@ -168,10 +169,10 @@ void place_volume(EditRegion& region, const Survey& survey, const EditSpec& spec
 }
 
 Tensor confining_cells(const EditRegion& region, const EditSpec& spec, const FieldGeometry& geometry) {
-    const Tensor volume = region.volume.defined() ? resample_cells(region.volume, grid_resolution) : Tensor();
+    const Tensor volume = region.volume.defined() ? resampled_cells(region.volume, grid_resolution) : Tensor();
     if (!region.on_surface) return volume;
     const int reach = reach_in_cells(spec, geometry, grid_resolution);
-    const Tensor grown = grow_cells((region.score > 0.5).to(at::kByte), reach);
+    const Tensor grown = dilated((region.score > 0.5).to(at::kByte), reach);
     return volume.defined() ? grown.logical_or(volume).to(at::kByte) : grown;
 }
 
@@ -229,9 +230,9 @@ Tensor support_candidates(const Operations& operations, const BaseMedium& base, 
     const int resolution = static_cast<int>(base.occupancy().size(0));
     Tensor cells = base.occupancy().to(at::kBool);
     if (operations.add)
-        cells = region.volume.defined() ? cells.logical_or(resample_cells(region.volume, resolution))
+        cells = region.volume.defined() ? cells.logical_or(resampled_cells(region.volume, resolution))
                                         : at::ones_like(cells);
-    if (region.confine.defined()) cells = cells.logical_and(resample_cells(region.confine, resolution));
+    if (region.confine.defined()) cells = cells.logical_and(resampled_cells(region.confine, resolution));
     return cells.to(at::kByte);
 }
 

@@ -65,31 +65,6 @@ Tensor sample_grid(const Tensor& grid, const FieldGeometry& geometry, const Tens
     return at::grid_sampler_3d(grid.unsqueeze(0).unsqueeze(0), where, 0, 0, false).reshape(-1);
 }
 
-Tensor resample_cells(const Tensor& cells, int resolution) {
-    const int have = cube_resolution(cells);
-    if (have == resolution) return cells;
-    // Coarser: a cell counts if any of its parts does; finer: every part of a cell that does.
-    const Tensor whole = cells.to(at::kFloat).unsqueeze(0).unsqueeze(0);
-    if (have > resolution) {
-        const Tensor pooled = std::get<0>(at::adaptive_max_pool3d(whole, {resolution, resolution, resolution}));
-        return (pooled.squeeze(0).squeeze(0) > 0.5).to(at::kByte);
-    }
-    const Tensor index = ((at::arange(resolution, at::kDouble) + 0.5) * have / resolution).floor().to(at::kLong);
-    return cells.index_select(0, index).index_select(1, index).index_select(2, index);
-}
-
-Tensor grow_cells(const Tensor& cells, int radius) {
-    cube_resolution(cells);
-    if (radius <= 0) return cells;
-    const int width = 2 * radius + 1;
-    Tensor grown = at::constant_pad_nd(cells.to(at::kFloat).unsqueeze(0).unsqueeze(0),
-                                       {radius, radius, radius, radius, radius, radius}, 0);
-    grown = at::max_pool3d(grown, {width, 1, 1}, {1, 1, 1});
-    grown = at::max_pool3d(grown, {1, width, 1}, {1, 1, 1});
-    grown = at::max_pool3d(grown, {1, 1, width}, {1, 1, 1});
-    return (grown.squeeze(0).squeeze(0) > 0.5).to(at::kByte);
-}
-
 Tensor scaled_to_border(const Tensor& score, double core_share) {
     const double peak = score.numel() > 0 ? score.max().item<double>() : 0;
     const double least = peak > 0.5 ? 0.5 : least_vote;

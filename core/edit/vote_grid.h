@@ -18,10 +18,6 @@ Tensor cell_of(const FieldGeometry& geometry, int resolution, const Tensor& poin
 Tensor cell_centres(const FieldGeometry& geometry, int resolution);
 // Trilinear value of a float R×R×R grid at the points (0 outside the box), cell centres being the nodes: N.
 Tensor sample_grid(const Tensor& grid, const FieldGeometry& geometry, const Tensor& points);
-// The grid's cells that hold `cells` of another resolution (nearest): R×R×R uint8.
-Tensor resample_cells(const Tensor& cells, int resolution);
-// Cells within `radius` cells (a cube), uint8 in and out.
-Tensor grow_cells(const Tensor& cells, int radius);
 
 // Scores scaled so that ½ is where the region ends: at `core_share` of what its core (the best tenth of the cells above
 // ½) gets, but not below ½ of all votes. Seen from every side a body's own cells are agreed on; what it stands on or

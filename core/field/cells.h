@@ -19,6 +19,12 @@ Tensor cell_points(const FieldGeometry& geometry, int resolution, const Tensor& 
 // The grid at another resolution: a new cell is marked when a marked old cell overlaps it.
 Tensor resampled_cells(const Tensor& grid, int resolution);
 
+// OR of two grids at the finer one's resolution; the second where the first is undefined.
+Tensor joined_cells(const Tensor& cells, const Tensor& more);
+// OR of two grids of one size; the grid grown by n cells in every direction.
+Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b);
+Tensor dilated(const Tensor& occupancy, int cells);
+
 // Throws std::invalid_argument naming `what` unless the grid is a cube of bytes.
 void check_cells(const Tensor& grid, const char* what);
 

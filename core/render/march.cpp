@@ -322,35 +322,4 @@ VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays,
     return out;
 }
 
-Tensor joined_cells(const Tensor& cells, const Tensor& more) {
-    if (!cells.defined()) return more;
-    const int finer = static_cast<int>(std::max(cells.size(0), more.size(0)));
-    return union_of(resampled_cells(cells, finer), resampled_cells(more, finer));
-}
-
-Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b) {
-    if (occupancy_a.sizes() != occupancy_b.sizes()) {
-        throw std::invalid_argument("occupancies " + shape_text(occupancy_a) + " and " + shape_text(occupancy_b) +
-                                    " differ in size");
-    }
-    return occupancy_a.ne(0).logical_or_(occupancy_b.ne(0)).to(at::kByte);
-}
-
-Tensor dilated(const Tensor& occupancy, int cells) {
-    if (occupancy.dim() != 3)
-        throw std::invalid_argument("occupancy must have three axes, not " + shape_text(occupancy));
-    if (cells < 0) throw std::invalid_argument(fmt::format("cells to grow by must not be negative: {}", cells));
-    Tensor grown = occupancy.ne(0).to(at::kByte);
-    // A cube is the product of three segments: one axis after the other, one cell at a time.
-    for (int axis = 0; axis < 3; ++axis) {
-        const std::int64_t n = grown.size(axis);
-        for (int i = 0; i < cells && n > 1; ++i) {
-            const Tensor before = grown.clone();
-            grown.narrow(axis, 1, n - 1).bitwise_or_(before.narrow(axis, 0, n - 1));
-            grown.narrow(axis, 0, n - 1).bitwise_or_(before.narrow(axis, 1, n - 1));
-        }
-    }
-    return grown;
-}
-
 }  // namespace fieldgraft

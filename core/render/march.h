@@ -49,10 +49,4 @@ struct VisibleSamples {
 VisibleSamples sample_visible(const RadianceField& field, const RayBundle& rays, const MarchOptions& options,
                               const EditCells& cells = {});
 
-// OR of two grids at the finer one's resolution; the second where the first is undefined.
-Tensor joined_cells(const Tensor& cells, const Tensor& more);
-// OR of two grids, and the grid grown by n cells in every direction.
-Tensor union_of(const Tensor& occupancy_a, const Tensor& occupancy_b);
-Tensor dilated(const Tensor& occupancy, int cells);
-
 }  // namespace fieldgraft

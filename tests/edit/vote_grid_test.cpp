@@ -131,14 +131,5 @@ TEST(VoteGrid, TheBorderFollowsTheCore) {
     EXPECT_LE(scaled_to_border(score, 0.2).max().item<float>(), 1.0f);
 }
 
-TEST(VoteGrid, GrowingAndResampling) {
-    Tensor cells = at::zeros({8, 8, 8}, at::kByte);
-    cells[4][4][4] = 1;
-    EXPECT_EQ(grow_cells(cells, 1).sum().item<int>(), 27);
-    EXPECT_EQ(resample_cells(cells, 16).sum().item<int>(), 8);
-    EXPECT_EQ(resample_cells(cells, 4).sum().item<int>(), 1);
-    EXPECT_EQ(resample_cells(cells, 4)[2][2][2].item<int>(), 1);
-}
-
 }  // namespace
 }  // namespace fieldgraft

@@ -308,19 +308,5 @@ TEST_F(EditFileTest, NeedsItsSupport) {
     EXPECT_THROW(edit_.save(path()), std::invalid_argument);
 }
 
-TEST(Cells, ResamplingKeepsEveryMarkedPlace) {
-    Tensor grid = at::zeros({5, 5, 5}, at::kByte);
-    grid[1][2][3] = 1;
-    for (const int resolution : {1, 3, 5, 8, 13}) {
-        const Tensor other = resampled_cells(grid, resolution);
-        const Tensor cells = at::arange(std::int64_t{1} * 125, at::kLong);
-        const Tensor points = cell_points(FieldGeometry{}, 5, cells, {0.3, 0.6, 0.9});
-        const Tensor before = in_cells(FieldGeometry{}, grid, points), after = in_cells(FieldGeometry{}, other, points);
-        EXPECT_EQ(before.sum().item<std::int64_t>(), 1);
-        EXPECT_TRUE(before.logical_and(after.logical_not()).logical_not().all().item<bool>()) << resolution;
-    }
-    EXPECT_EQ(resampled_cells(grid, 10).sum().item<std::int64_t>(), 8);
-}
-
 }  // namespace
 }  // namespace fieldgraft

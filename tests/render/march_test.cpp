@@ -181,19 +181,5 @@ TEST(Occupancy, JoinedAtTheFinerResolution) {
     EXPECT_EQ(both.sum().item<std::int64_t>(), 8 * 8 * 8 + fine.sum().item<std::int64_t>() - shared);
 }
 
-TEST(Occupancy, UnionAndGrowth) {
-    Tensor a = at::zeros({5, 5, 5}, at::kByte), b = a.clone();
-    a[0][0][0] = 7;
-    b[4][2][1] = 1;
-    const Tensor both = union_of(a, b);
-    EXPECT_EQ(both.sum().item<std::int64_t>(), 2);
-    EXPECT_EQ(both.max().item<int>(), 1);
-    EXPECT_EQ(dilated(a, 1).sum().item<std::int64_t>(), 8);
-    EXPECT_EQ(dilated(b, 1).sum().item<std::int64_t>(), 2 * 3 * 3);
-    EXPECT_EQ(dilated(b, 9).sum().item<std::int64_t>(), 125);
-    EXPECT_TRUE(at::equal(dilated(b, 0), b));
-    EXPECT_THROW(union_of(a, at::zeros({4, 4, 4}, at::kByte)), std::invalid_argument);
-}
-
 }  // namespace
 }  // namespace fieldgraft
