@@ -38,45 +38,117 @@ struct Mode {
     static constexpr bool visible_map = Remove && Visible;
 };
 
-// One sample's optical depths and its weights before the transmittance in front of it (u = w/T).
+// A ray's samples, quantity by quantity, so that exponentials can be taken of many at once.
 template <class Real, class M>
-struct Sample {
-    Real depth_o, depth_kept, depth_e = 0;  // aᵒ, aᵒ', aᵉ
-    Real unit_kept, unit_e = 0;             // wᵒ/T, wᵉ/T
+class RayTerms {
+  public:
+    std::vector<Real> depth_o, depth_kept, depth_e, depth;  // aᵒ, aᵒ', aᵉ, aᵝ
+    std::vector<Real> unit_kept, unit_e, alpha_o;           // wᵒ/T, wᵉ/T, αᵒ
+    std::vector<Real> transmittance;                        // Tᵝ in front of each sample, and past the last
+    std::vector<Real> map;                                  // in front, for `removed`: Tᵒ' (paper) or Tᵒ (visible)
+    std::vector<Real> uncovered;                            // Tᵒ' − Tᵒ in front (paper; forward only)
+    std::vector<Real> through_kept, through_e;  // e^−aᵒ' and e^−aᵉ, or e^−aᵝ in the first (backward only)
 
-    Sample(const BlendInputs<Real>& in, std::int64_t k) {
-        depth_o = depth_kept = optical_depth(in.density_o[k], in.delta[k]);
-        if constexpr (M::remove) depth_kept = (Real(1) - in.beta_density[k]) * depth_o;
-        if constexpr (M::add) depth_e = optical_depth(in.density_e[k], in.delta[k]);
-        if constexpr (M::conserving) {
-            const Real share = phi(depth());
-            unit_kept = depth_kept * share;
-            unit_e = depth_e * share;
-        } else {
-            unit_kept = -std::expm1(-depth_kept);
-            if constexpr (M::add) unit_e = -std::expm1(-depth_e);
+    explicit RayTerms(const BlendMath<Real>& math) : math_(math) {}
+
+    void set(const BlendInputs<Real>& in, std::int64_t r) {
+        first_ = in.start[r];
+        n_ = static_cast<std::size_t>(in.start[r + 1] - first_);
+        set_depths(in);
+        set_units();
+        set_fronts(in);
+    }
+    std::size_t size() const { return n_; }
+
+    void set_uncovered() {
+        if constexpr (M::paper_map) {
+            uncovered.resize(n_);
+            math_.covered(front_removed_.data(), n_, uncovered.data());
+            for (std::size_t i = 0; i < n_; ++i) uncovered[i] *= map[i];
         }
     }
-    Real depth() const { return M::add ? depth_kept + depth_e : depth_kept; }
-    Real alpha_o() const { return M::remove ? -std::expm1(-depth_o) : unit_kept; }
+    void set_through() {
+        through_kept.resize(n_);
+        through_e.resize(n_);
+        math_.passed(M::conserving ? depth.data() : depth_kept.data(), n_, through_kept.data());
+        if constexpr (M::add && !M::conserving) math_.passed(depth_e.data(), n_, through_e.data());
+    }
+
+  private:
+    void set_depths(const BlendInputs<Real>& in) {
+        for (auto* part : {&depth_o, &depth_kept, &depth_e, &depth}) part->resize(n_);
+        for (std::size_t i = 0; i < n_; ++i) {
+            const std::int64_t k = first_ + static_cast<std::int64_t>(i);
+            depth_o[i] = depth_kept[i] = optical_depth(in.density_o[k], in.delta[k]);
+            if constexpr (M::remove) depth_kept[i] = (Real(1) - in.beta_density[k]) * depth_o[i];
+            if constexpr (M::add) depth_e[i] = optical_depth(in.density_e[k], in.delta[k]);
+            depth[i] = M::add ? depth_kept[i] + depth_e[i] : depth_kept[i];
+        }
+    }
+    void set_units() {
+        for (auto* part : {&unit_kept, &unit_e, &alpha_o}) part->resize(n_);
+        if constexpr (M::conserving) {
+            math_.covered(depth.data(), n_, unit_kept.data());
+            for (std::size_t i = 0; i < n_; ++i) {
+                const Real share = depth[i] < Real(1e-30) ? Real(1) : unit_kept[i] / depth[i];  // φ
+                unit_kept[i] = depth_kept[i] * share;
+                unit_e[i] = depth_e[i] * share;
+            }
+        } else {
+            math_.covered(depth_kept.data(), n_, unit_kept.data());
+            if constexpr (M::add) math_.covered(depth_e.data(), n_, unit_e.data());
+        }
+        if constexpr (M::remove) math_.covered(depth_o.data(), n_, alpha_o.data());
+    }
+    // What lies in front of each sample, summed in double, and the transmittances that gives.
+    void set_fronts(const BlendInputs<Real>& in) {
+        transmittance.resize(n_ + 1);
+        map.resize(n_);
+        front_removed_.resize(n_);
+        Sum all = 0, kept = 0, removed = 0, of_o = 0;
+        for (std::size_t i = 0; i < n_; ++i) {
+            transmittance[i] = Real(all);
+            if constexpr (M::paper_map) {
+                map[i] = Real(M::add ? kept : all);  // Tᵒ' = Tᵝ where nothing is added
+                front_removed_[i] = Real(removed);
+                kept += depth_kept[i];
+                removed += in.beta_density[first_ + static_cast<std::int64_t>(i)] * depth_o[i];
+            }
+            if constexpr (M::visible_map) {
+                map[i] = Real(of_o);
+                of_o += depth_o[i];
+            }
+            all += depth[i];
+        }
+        transmittance[n_] = Real(all);
+        math_.passed(transmittance.data(), n_ + 1, transmittance.data());
+        if constexpr (M::remove) math_.passed(map.data(), n_, map.data());
+    }
+
+    const BlendMath<Real>& math_;
+    std::int64_t first_ = 0;
+    std::size_t n_ = 0;
+    std::vector<Real> front_removed_;
 };
 
 // Derivatives of x·unit_kept + y·unit_e by depth_kept and by depth_e.
 template <class Real, class M>
 struct UnitSlopes {
     Real depth_kept, depth_e, depth;
-    Real through_kept = 0, through_e = 0;  // paper
+    Real through_kept, through_e;
     Real share = 0, slope_or_through = 0;  // conserving: φ, and φ' (thin) or e⁻ˣ (thick)
     bool thin = false;
 
-    explicit UnitSlopes(const Sample<Real, M>& s) : depth_kept(s.depth_kept), depth_e(s.depth_e), depth(s.depth()) {
+    UnitSlopes(const RayTerms<Real, M>& s, std::size_t i)
+        : depth_kept(s.depth_kept[i]),
+          depth_e(s.depth_e[i]),
+          depth(s.depth[i]),
+          through_kept(s.through_kept[i]),
+          through_e(s.through_e[i]) {
         if constexpr (M::conserving) {
             share = phi(depth);
             thin = depth < Real(0.5);
-            slope_or_through = thin ? phi_derivative(depth) : std::exp(-depth);
-        } else {
-            through_kept = std::exp(-depth_kept);
-            if constexpr (M::add) through_e = std::exp(-depth_e);
+            slope_or_through = thin ? phi_derivative(depth) : through_kept;
         }
     }
     Real by_kept(Real x, Real y) const {
@@ -95,33 +167,6 @@ struct UnitSlopes {
     Real mixed(Real x, Real y) const { return slope_or_through * (depth_kept / depth * x + depth_e / depth * y); }
 };
 
-// Depths in front of the sample at hand, and the transmittances they give.
-template <class Real, class M>
-struct Front {
-    Sum depth = 0, depth_kept = 0, depth_removed = 0, depth_o = 0;
-
-    void pass(const Sample<Real, M>& s, Real beta_density) {
-        depth += s.depth();
-        if constexpr (M::paper_map) {
-            if constexpr (M::add) depth_kept += s.depth_kept;
-            depth_removed += beta_density * s.depth_o;
-        }
-        if constexpr (M::visible_map) depth_o += s.depth_o;
-    }
-    Real transmittance() const { return std::exp(-Real(depth)); }
-    Real transmittance_o() const { return std::exp(-Real(depth_o)); }
-    // Tᵒ' = Tᵝ where nothing is added.
-    Real transmittance_kept() const { return std::exp(-Real(M::add ? depth_kept : depth)); }
-    // Tᵒ' − Tᵒ without cancellation.
-    Real uncovered() const { return -transmittance_kept() * std::expm1(-Real(depth_removed)); }
-};
-
-template <class Real, class M>
-Real beta_density(const BlendInputs<Real>& in, std::int64_t k) {
-    if constexpr (M::remove) return in.beta_density[k];
-    return 0;
-}
-
 template <class Real>
 void store3(Real* to, const Sum* from) {
     for (int c = 0; c < 3; ++c) to[c] = Real(from[c]);
@@ -133,9 +178,8 @@ struct RaySums {
     Sum color[3] = {}, color_edit[3] = {};
     Sum alpha_edit = 0, added = 0, changed = 0, removed = 0, removed_scale = 0;
 
-    void accumulate(const BlendInputs<Real>& in, std::int64_t k, const Sample<Real, M>& s,
-                    const Front<Real, M>& front) {
-        const Real t = front.transmittance(), kept = t * s.unit_kept, edit = t * s.unit_e;
+    void accumulate(const BlendInputs<Real>& in, std::int64_t k, const RayTerms<Real, M>& s, std::size_t i) {
+        const Real t = s.transmittance[i], kept = t * s.unit_kept[i], edit = t * s.unit_e[i];
         const Real* color_o = in.color_o + 3 * k;
         const Real beta = [&] {
             if constexpr (M::change) return in.beta_color[k];
@@ -155,15 +199,15 @@ struct RaySums {
         if constexpr (M::colors) alpha_edit += weight_edit;
         if constexpr (M::add) added += edit;
         if constexpr (M::change) changed += kept * beta;
-        if constexpr (M::remove) accumulate_removed(in.beta_density[k], s, front);
+        if constexpr (M::remove) accumulate_removed(in.beta_density[k], s, i);
     }
 
-    void accumulate_removed(Real beta, const Sample<Real, M>& s, const Front<Real, M>& front) {
+    void accumulate_removed(Real beta, const RayTerms<Real, M>& s, std::size_t i) {
         if constexpr (M::paper_map) {
-            removed += Sum(front.uncovered()) * s.alpha_o();  // the product may be below the smallest float
-            removed_scale += s.alpha_o();
+            removed += Sum(s.uncovered[i]) * s.alpha_o[i];  // the product may be below the smallest float
+            removed_scale += s.alpha_o[i];
         } else {
-            const Sum weight = Sum(front.transmittance_o()) * s.alpha_o();
+            const Sum weight = Sum(s.map[i]) * s.alpha_o[i];
             removed += weight * beta;
             removed_scale += weight;
         }
@@ -183,16 +227,16 @@ struct RaySums {
 };
 
 template <class Real, class M>
-void forward_rays(const BlendInputs<Real>& in, const BlendRays<Real>& out, std::int64_t begin, std::int64_t end) {
+void forward_rays(const BlendInputs<Real>& in, const BlendRays<Real>& out, std::int64_t begin, std::int64_t end,
+                  const BlendMath<Real>& math) {
+    RayTerms<Real, M> terms(math);
     for (std::int64_t r = begin; r < end; ++r) {
         RaySums<Real, M> sums;
-        Front<Real, M> front;
-        for (std::int64_t k = in.start[r]; k < in.start[r + 1]; ++k) {
-            const Sample<Real, M> s(in, k);
-            sums.accumulate(in, k, s, front);
-            front.pass(s, beta_density<Real, M>(in, k));
-        }
-        sums.store(out, r, front.transmittance());
+        terms.set(in, r);
+        terms.set_uncovered();
+        for (std::size_t i = 0; i < terms.size(); ++i)
+            sums.accumulate(in, in.start[r] + static_cast<std::int64_t>(i), terms, i);
+        sums.store(out, r, terms.transmittance[terms.size()]);
     }
 }
 
@@ -214,34 +258,14 @@ struct RayGradient {
     }
 };
 
-// Transmittances in front of each sample of a ray, kept for the way back.
-template <class Real>
-struct Passed {
-    Real transmittance;  // Tᵝ
-    Real map;            // Tᵒ' (paper) or Tᵒ (visible), for `removed`
-};
-
+// Σ αᵒ (paper) or Σ Tᵒ αᵒ (visible).
 template <class Real, class M>
-struct RayForward {
-    Real transmittance = 1;  // past the last sample
-    Sum removed_scale = 0;
-
-    RayForward(const BlendInputs<Real>& in, std::int64_t r, std::vector<Passed<Real>>& passed) {
-        passed.clear();
-        Front<Real, M> front;
-        for (std::int64_t k = in.start[r]; k < in.start[r + 1]; ++k) {
-            const Sample<Real, M> s(in, k);
-            const Real map = M::paper_map     ? front.transmittance_kept()
-                             : M::visible_map ? front.transmittance_o()
-                                              : Real(0);
-            if constexpr (M::paper_map) removed_scale += s.alpha_o();
-            if constexpr (M::visible_map) removed_scale += Sum(map) * s.alpha_o();
-            passed.push_back({front.transmittance(), map});
-            front.pass(s, beta_density<Real, M>(in, k));
-        }
-        transmittance = front.transmittance();
-    }
-};
+Sum removed_scale_of(const RayTerms<Real, M>& s) {
+    Sum scale = 0;
+    for (std::size_t i = 0; i < s.size() && M::remove; ++i)
+        scale += M::paper_map ? Sum(s.alpha_o[i]) : Sum(s.map[i]) * s.alpha_o[i];
+    return scale;
+}
 
 // Sums over the samples behind the one at hand.
 struct Behind {
@@ -252,10 +276,10 @@ struct Behind {
 
 template <class Real, class M>
 void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, std::int64_t k,
-                     const RayGradient<Real>& g, const Passed<Real>& passed, Sum removed_scale, Behind& behind) {
-    const Sample<Real, M> s(in, k);
-    const UnitSlopes<Real, M> slopes(s);
-    const Real t = passed.transmittance, kept = t * s.unit_kept, edit = t * s.unit_e;
+                     const RayGradient<Real>& g, const RayTerms<Real, M>& s, std::size_t i, Sum removed_scale,
+                     Behind& behind) {
+    const UnitSlopes<Real, M> slopes(s, i);
+    const Real t = s.transmittance[i], kept = t * s.unit_kept[i], edit = t * s.unit_e[i];
     const Real* color_o = in.color_o + 3 * k;
     // by_kept, by_e: what a unit of wᵒ, of wᵉ is worth.
     Real by_kept = dot3(g.color, color_o), by_e = 0;
@@ -276,15 +300,15 @@ void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, s
         const Real to_depth = Real(t * slopes.by_kept(by_kept, by_e) - behind.light);
         Sum to_map = 0;
         if (removed_scale > 0) {
-            to_map = M::paper_map ? s.depth_o * (behind.uncovered / removed_scale)
-                                  : Sum(passed.map) * s.alpha_o() / removed_scale;
+            to_map = M::paper_map ? s.depth_o[i] * (behind.uncovered / removed_scale)
+                                  : Sum(s.map[i]) * s.alpha_o[i] / removed_scale;
         }
-        out.beta_density[k] = Real(g.removed * to_map) - s.depth_o * to_depth;
-        if constexpr (M::paper_map) behind.uncovered += Sum(passed.map) * s.alpha_o();
+        out.beta_density[k] = Real(g.removed * to_map) - s.depth_o[i] * to_depth;
+        if constexpr (M::paper_map) behind.uncovered += Sum(s.map[i]) * s.alpha_o[i];
     }
     if constexpr (M::add) {
         const Sum to_depth = t * slopes.by_e(by_kept, by_e + g.added) - behind.light - behind.added;
-        out.density_e[k] = s.depth_e < depth_limit<Real> ? in.delta[k] * Real(to_depth) : Real(0);
+        out.density_e[k] = s.depth_e[i] < depth_limit<Real> ? in.delta[k] * Real(to_depth) : Real(0);
         behind.added += edit * g.added;
     }
     behind.light += kept * by_kept + edit * by_e;
@@ -292,15 +316,18 @@ void backward_sample(const BlendInputs<Real>& in, const BlendHeads<Real>& out, s
 
 template <class Real, class M>
 void backward_rays(const BlendInputs<Real>& in, const BlendRays<const Real>& grad, const BlendHeads<Real>& out,
-                   std::int64_t begin, std::int64_t end) {
-    std::vector<Passed<Real>> passed;
+                   std::int64_t begin, std::int64_t end, const BlendMath<Real>& math) {
+    RayTerms<Real, M> terms(math);
     for (std::int64_t r = begin; r < end; ++r) {
-        const RayForward<Real, M> ray(in, r, passed);
+        terms.set(in, r);
+        terms.set_through();
+        const Sum removed_scale = removed_scale_of(terms);
         const RayGradient<Real> g(grad, r);
         Behind behind;
-        behind.light = Sum(g.transmittance) * ray.transmittance;
-        for (std::int64_t k = in.start[r + 1] - 1; k >= in.start[r]; --k) {
-            backward_sample<Real, M>(in, out, k, g, passed[k - in.start[r]], ray.removed_scale, behind);
+        behind.light = Sum(g.transmittance) * terms.transmittance[terms.size()];
+        for (std::size_t i = terms.size(); i-- > 0;) {
+            backward_sample<Real, M>(in, out, in.start[r] + static_cast<std::int64_t>(i), g, terms, i, removed_scale,
+                                     behind);
         }
     }
 }
@@ -333,24 +360,38 @@ void with_mode(const BlendMode& mode, F&& f) {
 }  // namespace
 
 template <class Real>
+const BlendMath<Real>& library_math() {
+    static const BlendMath<Real> math{[](const Real* x, std::size_t n, Real* out) {
+                                          for (std::size_t i = 0; i < n; ++i) out[i] = std::exp(-x[i]);
+                                      },
+                                      [](const Real* x, std::size_t n, Real* out) {
+                                          for (std::size_t i = 0; i < n; ++i) out[i] = -std::expm1(-x[i]);
+                                      }};
+    return math;
+}
+
+template <class Real>
 void blend_forward(const BlendMode& mode, const BlendInputs<Real>& in, const BlendRays<Real>& out,
-                   std::int64_t ray_begin, std::int64_t ray_end) {
-    with_mode(mode, [&](auto m) { forward_rays<Real, decltype(m)>(in, out, ray_begin, ray_end); });
+                   std::int64_t ray_begin, std::int64_t ray_end, const BlendMath<Real>& math) {
+    with_mode(mode, [&](auto m) { forward_rays<Real, decltype(m)>(in, out, ray_begin, ray_end, math); });
 }
 
 template <class Real>
 void blend_backward(const BlendMode& mode, const BlendInputs<Real>& in, const BlendRays<const Real>& grad,
-                    const BlendHeads<Real>& out, std::int64_t ray_begin, std::int64_t ray_end) {
-    with_mode(mode, [&](auto m) { backward_rays<Real, decltype(m)>(in, grad, out, ray_begin, ray_end); });
+                    const BlendHeads<Real>& out, std::int64_t ray_begin, std::int64_t ray_end,
+                    const BlendMath<Real>& math) {
+    with_mode(mode, [&](auto m) { backward_rays<Real, decltype(m)>(in, grad, out, ray_begin, ray_end, math); });
 }
 
+template const BlendMath<float>& library_math<float>();
 template void blend_forward<float>(const BlendMode&, const BlendInputs<float>&, const BlendRays<float>&, std::int64_t,
-                                   std::int64_t);
-template void blend_forward<double>(const BlendMode&, const BlendInputs<double>&, const BlendRays<double>&,
-                                    std::int64_t, std::int64_t);
+                                   std::int64_t, const BlendMath<float>&);
 template void blend_backward<float>(const BlendMode&, const BlendInputs<float>&, const BlendRays<const float>&,
-                                    const BlendHeads<float>&, std::int64_t, std::int64_t);
+                                    const BlendHeads<float>&, std::int64_t, std::int64_t, const BlendMath<float>&);
+template const BlendMath<double>& library_math<double>();
+template void blend_forward<double>(const BlendMode&, const BlendInputs<double>&, const BlendRays<double>&,
+                                    std::int64_t, std::int64_t, const BlendMath<double>&);
 template void blend_backward<double>(const BlendMode&, const BlendInputs<double>&, const BlendRays<const double>&,
-                                     const BlendHeads<double>&, std::int64_t, std::int64_t);
+                                     const BlendHeads<double>&, std::int64_t, std::int64_t, const BlendMath<double>&);
 
 }  // namespace fieldgraft

@@ -15,6 +15,7 @@
 // blend_backward.
 #pragma once
 
+#include <cstddef>
 #include <cstdint>
 
 namespace fieldgraft {
@@ -48,16 +49,27 @@ struct BlendHeads {  // gradients out, N or N×3; those of the operations that a
     Real *density_e = nullptr, *color_e = nullptr, *beta_density = nullptr, *beta_color = nullptr;
 };
 
+// How exponentials are taken, a ray's samples together: out[i] = e^−x[i], and 1 − e^−x[i] without cancellation, x ≥ 0.
+template <class Real>
+struct BlendMath {
+    void (*passed)(const Real* x, std::size_t n, Real* out);
+    void (*covered)(const Real* x, std::size_t n, Real* out);
+};
+// The C library's, number by number. (exp_simd.h has vectors of them, within a few ε.)
+template <class Real>
+const BlendMath<Real>& library_math();
+
 // Rays ray_begin … ray_end−1. Rays are independent: any split of the range gives the same bits.
 template <class Real>
 void blend_forward(const BlendMode& mode, const BlendInputs<Real>& in, const BlendRays<Real>& out,
-                   std::int64_t ray_begin, std::int64_t ray_end);
+                   std::int64_t ray_begin, std::int64_t ray_end, const BlendMath<Real>& math = library_math<Real>());
 
 // Reverse recurrence over the samples (never "total minus what came before": it cancels behind opaque surfaces).
 // color, color_edit, alpha_edit and transmittance give gradients to every head; added only to density_e (also through
 // Tᵝ, βσ held), removed only to beta_density, changed only to beta_color (Tᵝ and aᵒ' held). None to o, none to delta.
 template <class Real>
 void blend_backward(const BlendMode& mode, const BlendInputs<Real>& in, const BlendRays<const Real>& grad,
-                    const BlendHeads<Real>& out, std::int64_t ray_begin, std::int64_t ray_end);
+                    const BlendHeads<Real>& out, std::int64_t ray_begin, std::int64_t ray_end,
+                    const BlendMath<Real>& math = library_math<Real>());
 
 }  // namespace fieldgraft

@@ -2,6 +2,7 @@
 
 #include "core/base/errors.h"
 #include "core/kernels/blend_ref.h"
+#include "core/kernels/exp_simd.h"
 
 namespace fieldgraft {
 namespace {
@@ -65,11 +66,22 @@ BlendRays<Real> kernel_rays(const std::array<Tensor, outputs>& rays) {
             data(added_out), data(removed_out),       data(changed_out)};
 }
 
+// In training, vectors of exponentials; for a picture the library's, so that what no edit touches keeps its bits.
+template <class Real>
+const BlendMath<Real>& training_math() {
+    if constexpr (std::is_same_v<Real, float>) {
+        static const BlendMath<float> math{exp_negative, one_minus_exp_negative};
+        return math;
+    } else {
+        return library_math<Real>();
+    }
+}
+
 struct BlendFunction : torch::autograd::Function<BlendFunction> {
     static variable_list forward(AutogradContext* ctx, const Tensor& start, const Tensor& delta,
                                  const Tensor& density_o, const Tensor& color_o, const OptionalTensor& density_e,
                                  const OptionalTensor& color_e, const OptionalTensor& beta_density,
-                                 const OptionalTensor& beta_color, BlendMode mode) {
+                                 const OptionalTensor& beta_color, BlendMode mode, bool training) {
         const std::array<Tensor, inputs> in{start,
                                             delta,
                                             density_o,
@@ -93,8 +105,9 @@ struct BlendFunction : torch::autograd::Function<BlendFunction> {
         AT_DISPATCH_FLOATING_TYPES(delta.scalar_type(), "blend", [&] {
             const auto kernel_in = kernel_inputs<scalar_t>(in);
             const auto kernel_out = kernel_rays<scalar_t>(out);
+            const auto& math = training ? training_math<scalar_t>() : library_math<scalar_t>();
             at::parallel_for(0, rays, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
-                blend_forward(mode, kernel_in, kernel_out, begin, end);
+                blend_forward(mode, kernel_in, kernel_out, begin, end, math);
             });
         });
         return result;
@@ -112,7 +125,7 @@ struct BlendFunction : torch::autograd::Function<BlendFunction> {
         for (std::size_t i = 0; i < present.size(); ++i) {
             if (grads[i].defined()) out_grads[present[i]] = grads[i].contiguous();
         }
-        variable_list in_grads(inputs + 1);  // one for the mode
+        variable_list in_grads(inputs + 2);  // two for the mode and the math
         for (int i = density_e_in; i < inputs; ++i) {
             if (in[i].defined()) in_grads[i] = at::empty_like(in[i]);
         }
@@ -123,7 +136,7 @@ struct BlendFunction : torch::autograd::Function<BlendFunction> {
                 data_or_null<scalar_t>(in_grads[density_e_in]), data_or_null<scalar_t>(in_grads[color_e_in]),
                 data_or_null<scalar_t>(in_grads[beta_density_in]), data_or_null<scalar_t>(in_grads[beta_color_in])};
             at::parallel_for(0, in[start_in].size(0) - 1, rays_per_task, [&](std::int64_t begin, std::int64_t end) {
-                blend_backward(mode, kernel_in, kernel_grads, heads, begin, end);
+                blend_backward(mode, kernel_in, kernel_grads, heads, begin, end, training_math<scalar_t>());
             });
         });
         return in_grads;
@@ -187,9 +200,12 @@ BlendOut blend(const Tensor& start, const Tensor& delta, const Tensor& density_o
     if (mode.remove) check_shape("beta_density", edit.beta_density, {samples}, type);
     if (mode.change) check_shape("beta_color", edit.beta_color, {samples}, type);
 
+    const auto learns = [](const Tensor& head) { return head.defined() && head.requires_grad(); };
+    const bool training = at::GradMode::is_enabled() && (learns(edit.density_e) || learns(edit.color_e) ||
+                                                         learns(edit.beta_density) || learns(edit.beta_color));
     const variable_list result = BlendFunction::apply(
         start.contiguous(), delta.detach().contiguous(), density_o.detach().contiguous(), color_o.detach().contiguous(),
-        head(edit.density_e), head(edit.color_e), head(edit.beta_density), head(edit.beta_color), mode);
+        head(edit.density_e), head(edit.color_e), head(edit.beta_density), head(edit.beta_color), mode, training);
     BlendOut out;
     Tensor* const fields[outputs] = {&out.color, &out.transmittance, &out.color_edit, &out.alpha_edit,
                                      &out.added, &out.removed,       &out.changed};

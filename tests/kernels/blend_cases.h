@@ -88,14 +88,16 @@ struct RayValues {  // outputs, or their gradients: 11 numbers a ray
 };
 
 template <class Real>
-RayValues<Real> forward(const BlendMode& mode, const Rays<Real>& rays) {
+RayValues<Real> forward(const BlendMode& mode, const Rays<Real>& rays,
+                        const BlendMath<Real>& math = library_math<Real>()) {
     RayValues<Real> out(rays.rays());
-    blend_forward(mode, rays.inputs(mode), out.pointers(), 0, rays.rays());
+    blend_forward(mode, rays.inputs(mode), out.pointers(), 0, rays.rays(), math);
     return out;
 }
 
 template <class Real>
-std::array<std::vector<Real>, 4> backward(const BlendMode& mode, const Rays<Real>& rays, RayValues<Real> grads) {
+std::array<std::vector<Real>, 4> backward(const BlendMode& mode, const Rays<Real>& rays, RayValues<Real> grads,
+                                          const BlendMath<Real>& math = library_math<Real>()) {
     std::array<std::vector<Real>, 4> heads;
     const std::size_t n = rays.delta.size();
     for (int i = 0; i < 4; ++i) heads[i].assign(i == 1 ? 3 * n : n, Real(12345));  // what kernels must overwrite
@@ -103,7 +105,7 @@ std::array<std::vector<Real>, 4> backward(const BlendMode& mode, const Rays<Real
                                    grads.alpha_edit.data(), grads.added.data(),         grads.removed.data(),
                                    grads.changed.data()};
     blend_backward(mode, rays.inputs(mode), in, {heads[0].data(), heads[1].data(), heads[2].data(), heads[3].data()}, 0,
-                   rays.rays());
+                   rays.rays(), math);
     return heads;
 }
 

@@ -2,8 +2,10 @@
 #include <limits>
 #include <sstream>
 
+#include "core/kernels/exp_simd.h"
 #include "core/kernels/phi.h"
 #include "tests/kernels/blend_cases.h"
+#include "tests/kernels/simd_targets.h"
 
 namespace fieldgraft {
 namespace {
@@ -222,8 +224,8 @@ long double clamped(float depth) {
     return std::min<long double>(depth, 1e30L);
 }
 
-void check_hard_forward(const BlendMode& mode, const Rays<float>& rays) {
-    const auto out = forward(mode, rays);
+void check_hard_forward(const BlendMode& mode, const Rays<float>& rays, const BlendMath<float>& math) {
+    const auto out = forward(mode, rays, math);
     const auto expected = oracle::blend(mode, oracle_ray(rays, 0, 0));
     const auto near = [](float actual, long double right, long double tolerance) {
         return std::isfinite(actual) && std::fabs(actual - right) <= tolerance + 2e-38L;
@@ -246,11 +248,11 @@ void check_hard_forward(const BlendMode& mode, const Rays<float>& rays) {
 }
 
 // Gradients of color + color_edit + alpha_edit + transmittance + the maps, at the first, a middle and the last sample.
-void check_hard_backward(const BlendMode& mode, Rays<float> rays, bool against_oracle) {
+void check_hard_backward(const BlendMode& mode, Rays<float> rays, bool against_oracle, const BlendMath<float>& math) {
     RayValues<float> ones(1, 0.0f);
     ones.color[0] = ones.color_edit[0] = ones.alpha_edit[0] = ones.transmittance[0] = 1;
-    const auto grads = backward(mode, rays, ones);
-    const auto map_grads = backward(mode, rays, RayValues<float>(1, 1.0f));
+    const auto grads = backward(mode, rays, ones, math);
+    const auto map_grads = backward(mode, rays, RayValues<float>(1, 1.0f), math);
     for (const auto* all : {&grads, &map_grads}) {
         for (const auto& head : *all) {
             for (const float g : head) ASSERT_TRUE(std::isfinite(g));
@@ -281,7 +283,7 @@ void check_hard_backward(const BlendMode& mode, Rays<float> rays, bool against_o
     }
 }
 
-TEST(Blend, HardInputsAgainstOracle) {
+void check_hard_inputs(const BlendMath<float>& math) {
     for (const BlendMode& mode : {BlendMode{true, true, true, false, false}, BlendMode{true, true, true, true, true}}) {
         for (const int samples : {1, 2, 64, 4096}) {
             for (const double depth_o : hard_depths()) {
@@ -289,9 +291,9 @@ TEST(Blend, HardInputsAgainstOracle) {
                     for (const double beta : hard_betas) {
                         SCOPED_TRACE(fmt_case(mode, samples, depth_o, depth_e, beta));
                         const Rays<float> rays = hard_ray(depth_o, depth_e, beta, samples);
-                        check_hard_forward(mode, rays);
-                        check_hard_backward(mode, rays, samples <= 64);
-                        if (testing::Test::HasFatalFailure()) return;
+                        check_hard_forward(mode, rays, math);
+                        check_hard_backward(mode, rays, samples <= 64, math);
+                        if (::testing::Test::HasFatalFailure()) return;
                     }
                 }
             }
@@ -299,20 +301,41 @@ TEST(Blend, HardInputsAgainstOracle) {
     }
 }
 
-TEST(Blend, ThinMediaKeepTheirDigits) {
+void check_thin_media(const BlendMath<float>& math) {
     const BlendMode mode{false, true, false, false, false};
     Rays<float> rays;  // a little removed from a thin haze: 1 − exp(−a) and Tᵒ' − Tᵒ would both be 0 in float32
     for (int k = 0; k < 2; ++k) rays.add_sample(1, 1e-9f, 1, 0, 0, 1e-7f, 0);
     rays.end_ray();
-    const auto out = forward(mode, rays);
+    const auto out = forward(mode, rays, math);
     EXPECT_NEAR(out.color[0] / 2e-9, 1.0, 1e-5);
     EXPECT_NEAR(out.removed[0] / 0.5e-16, 1.0, 1e-5);
 }
 
-TEST(Blend, NanIsNotHidden) {
+void check_nan(const BlendMath<float>& math) {
     Rays<float> rays = hard_ray(1, 1, 0.5, 2);
     rays.density_e[1] = std::numeric_limits<float>::quiet_NaN();
-    EXPECT_TRUE(std::isnan(forward({true, false, false, false, false}, rays).color[0]));
+    EXPECT_TRUE(std::isnan(forward({true, false, false, false, false}, rays, math).color[0]));
+}
+
+TEST(Blend, HardInputsAgainstOracle) {
+    check_hard_inputs(library_math<float>());
+}
+
+TEST(Blend, ThinMediaKeepTheirDigits) {
+    check_thin_media(library_math<float>());
+}
+
+TEST(Blend, NanIsNotHidden) {
+    check_nan(library_math<float>());
+}
+
+TEST(Blend, VectorsOfExponentialsKeepTheSamePromises) {
+    const BlendMath<float> math{exp_negative, one_minus_exp_negative};
+    fieldgraft::testing::on_every_target([&] {
+        check_hard_inputs(math);
+        check_thin_media(math);
+        check_nan(math);
+    });
 }
 
 TEST(Phi, AgainstLongDouble) {
