@@ -9,7 +9,7 @@
 namespace fieldgraft {
 namespace {
 
-constexpr int first_wave = 8, largest_wave = 64;  // samples of a ray looked at together
+constexpr int wave_samples = 8;  // of a ray, looked at together: few are looked at that nobody sees
 constexpr std::size_t block_samples = 1024;
 
 }  // namespace
@@ -41,10 +41,10 @@ void VisibleRays::find() {
         active.push_back(r);
     }
     depth_.assign(rays_.count(), 0.0);
-    for (int length = first_wave; !active.empty(); length = std::min(2 * length, largest_wave)) {
+    while (!active.empty()) {
         waves_.push_back(std::make_unique<Wave>());
         Wave& wave = *waves_.back();
-        const std::vector<bool> more = collect(marchers, active, length, wave);
+        const std::vector<bool> more = collect(marchers, active, wave);
         evaluate(wave);
         active = look_past(wave, more);
     }
@@ -68,21 +68,21 @@ void VisibleRays::sort_by_ray() {
     segments_ = std::move(sorted);
 }
 
-// The next `length` samples of the active rays; whether each of them may have more.
+// The next samples of the active rays; whether each of them may have more.
 std::vector<bool> VisibleRays::collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active,
-                                       int length, Wave& wave) {
+                                       Wave& wave) {
     const float scale = static_cast<float>(1.0 / longest_edge(field_.box_min, field_.box_max));
     float low[3];
     for (int c = 0; c < 3; ++c) low[c] = static_cast<float>(field_.box_min[c]);
     std::vector<float> axes[3];
-    for (auto& axis : axes) axis.reserve(active.size() * length);
-    wave.t.reserve(active.size() * length);
+    for (auto& axis : axes) axis.reserve(active.size() * wave_samples);
+    wave.t.reserve(active.size() * wave_samples);
     std::vector<bool> more;
     for (const std::int64_t r : active) {
         const std::size_t before = wave.t.size();
         float position[3], t;
         int found = 0;
-        while (found < length && marchers[r].next(position, t)) {
+        while (found < wave_samples && marchers[r].next(position, t)) {
             for (int c = 0; c < 3; ++c) axes[c].push_back((position[c] - low[c]) * scale);
             wave.t.push_back(t);
             ++found;
@@ -90,7 +90,7 @@ std::vector<bool> VisibleRays::collect(std::vector<RayMarcher>& marchers, const 
         if (found == 0) continue;
         wave.ray.push_back(r);
         wave.first.push_back(before);
-        more.push_back(found == length);
+        more.push_back(found == wave_samples);
     }
     wave.first.push_back(wave.t.size());
     wave.positions.reserve(3 * wave.t.size());

@@ -1,6 +1,6 @@
 // The samples that a range of rays can see of the original field, found by one thread without a tensor or a graph.
 //
-// Depth waves: every ray that still sees on takes its next 8, 16, 32, 64 samples; encoding and density network run over
+// Depth waves: every ray that still sees on takes its next 8 samples; encoding and density network run over
 // the whole wave (level by level: the table's levels stay in the cache); a ray ends where the transmittance in front of
 // a sample falls to `min_transmittance` (0: nowhere). What is found is sample_visible's (march.h), up to rounding.
 //
@@ -60,8 +60,7 @@ class VisibleRays {
     };
     void find();
     void sort_by_ray();
-    std::vector<bool> collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active, int length,
-                              Wave& wave);
+    std::vector<bool> collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active, Wave& wave);
     void evaluate(Wave& wave) const;
     std::vector<std::int64_t> look_past(Wave& wave, const std::vector<bool>& more);
     void gather(RayBlock& block) const;
