@@ -41,9 +41,6 @@ def processor() -> str:
     return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "unknown")
 
 
-SECTIONS = ("kernels", "training", "scaling", "render", "edit", "bake")
-
-
 class Performance:
     def __init__(self, args: Any) -> None:
         self.args, self.program = args, args.program
@@ -70,7 +67,18 @@ class Performance:
     def kernels(self) -> None:
         command = [self.program.parent / "kernel_bench", "--threads", str(self.args.threads), "--seconds", "1"]
         done = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, check=True)
+        # Kernels' rates are a thread's, all threads at work; the GEMM's is all threads' together.
         self.report["kernels"] = json.loads(done.stdout)
+        self.report["networks"] = {
+            "flops_a_sample": FLOPS_A_SAMPLE,
+            "gemm_float32": gemm_gflops(self.args.threads),
+            "ns_of_a_thread_a_sample": {
+                p: sum(k["ns"] for name, k in self.report["kernels"].items() if name.startswith(p))
+                for p in ("float32", "bfloat16")
+                if f"{p}_density_forward" in self.report["kernels"]  # bfloat16: where the machine has tiles
+            },
+            "threads": self.args.threads,
+        }
 
     def train(self, folder: str, *flags: Any) -> dict[str, Any]:
         return self.run("train", self.args.scene, "-o", Path(folder) / "f.safetensors", "--minutes", 1 / 3, *flags)
@@ -139,8 +147,7 @@ def measure_all(args: Any) -> None:
     report, wanted = performance.report, args.only.split(",")
     # A part that is measured again elsewhere says so; the page's machine stays that of the rest.
     measured_on = report.setdefault("measured_on", {})
-    others = {report.get("machine", {}).get("processor")} | {p for n, p in measured_on.items() if n not in wanted}
-    if others <= {processor(), None} or all(n in wanted for n in report if n in SECTIONS):
+    if {p for n, p in measured_on.items() if n not in wanted} <= {processor()}:
         performance.machine()
     for name in wanted:
         getattr(performance, name)()

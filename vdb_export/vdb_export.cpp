@@ -11,9 +11,10 @@ namespace fieldgraft {
 namespace {
 
 constexpr int least_resolution = 8, greatest_resolution = 2048;
+constexpr int threshold_parts = 256;  // of the thing's edge: BakeOptions::threshold
 
 // The voxel's edge in model units; `content` is the edge of what there is (see content_edge).
-double model_voxel(const FieldGeometry& geometry, const BakeOptions& options, const std::function<double()>& content) {
+double model_voxel(const FieldGeometry& geometry, const BakeOptions& options, double content) {
     const double longest = longest_edge(geometry), scale = frame_scale(geometry);
     if (options.voxel_size > 0) {
         const double voxel = options.voxel_size * scale;
@@ -30,7 +31,7 @@ double model_voxel(const FieldGeometry& geometry, const BakeOptions& options, co
                     greatest_resolution);
     }
     // A small thing in a huge box does not ask for more voxels than a grid may have.
-    return std::max(content() / options.resolution, longest / greatest_resolution);
+    return std::max(content / options.resolution, longest / greatest_resolution);
 }
 
 void check(const BakeOptions& options) {
@@ -81,14 +82,17 @@ BakeReport bake(const RadianceField& field, const std::vector<EditFile>& edits, 
     sampling.threshold = options.threshold;
     sampling.max_optical_depth = options.max_optical_depth;
     sampling.supersample = options.supersample;
-    sampling.voxel = model_voxel(geometry, options, [&] { return content_edge(geometry, source, sampling); });
+    const double content = content_edge(geometry, source, sampling);
+    sampling.voxel = model_voxel(geometry, options, content);
+    // Haze is haze however fine the voxels are: what is kept is a matter of density, not of a voxel's own depth.
+    sampling.threshold *= sampling.voxel / (content / threshold_parts);
     const double voxel_size = sampling.voxel / frame_scale(geometry);
     SparseVolume volume = sample_volume(geometry, source, sampling, reporter);
     if (volume.origins.size(0) == 0) {
         failure(
-            "{}: nothing to bake, no voxel has an optical depth above {}: is the field trained, or is the threshold "
-            "too high?",
-            path.string(), options.threshold);
+            "{}: nothing to bake, nowhere is the optical depth of 1/{} of the field above {}: is it trained, or is the "
+            "threshold too high?",
+            path.string(), threshold_parts, options.threshold);
     }
     volume.metadata = description(field, edits, options, voxel_size);
     const VdbFigures figures = write_vdb(path, volume, {options.half_precision, options.color_dilation});

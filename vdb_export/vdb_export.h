@@ -17,9 +17,11 @@
 namespace fieldgraft {
 
 struct BakeOptions {
-    int resolution = 256;          // voxels along the longest edge of what there is (content_edge), 8 … 2048
-    double voxel_size = 0;         // edge in the user's world; > 0: in place of the resolution
-    double threshold = 0.02;       // smallest optical depth of a voxel that is kept
+    int resolution = 256;   // voxels along the longest edge of what there is (content_edge), 8 … 2048
+    double voxel_size = 0;  // edge in the user's world; > 0: in place of the resolution
+    // The smallest optical depth that is kept, of a 256th of the longest edge of what there is: of a voxel at the usual
+    // resolution, and as little density at every other.
+    double threshold = 0.02;
     double max_optical_depth = 2;  // cap of a voxel's optical depth; 0: none
     int supersample = 1;           // density sub-samples along each axis of a voxel
     int color_dilation = 2;        // voxels around active ones that get a colour

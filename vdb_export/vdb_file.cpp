@@ -8,6 +8,7 @@
 #include "core/base/files.h"
 #include "vdb_export/color_fill.h"
 #include "vdb_export/sparse_volume.h"
+#include "vdb_export/vdb_grids.h"
 
 namespace fieldgraft {
 namespace {
@@ -48,12 +49,7 @@ void check(const SparseVolume& volume) {
     if (!finite) throw std::invalid_argument("sparse volume: a density or colour is not finite");
 }
 
-struct Grids {
-    openvdb::FloatGrid::Ptr density = openvdb::FloatGrid::create(0.0f);
-    openvdb::Vec3SGrid::Ptr color = openvdb::Vec3SGrid::create(openvdb::Vec3f(0.0f));
-};
-
-void insert_blocks(const SparseVolume& volume, Grids& grids) {
+void insert_blocks(const SparseVolume& volume, VdbGrids& grids) {
     const Tensor origins = volume.origins.contiguous(), density = volume.density.contiguous();
     const Tensor color = volume.color.contiguous();
     const int* origin = origins.data_ptr<int>();
@@ -73,7 +69,7 @@ void insert_blocks(const SparseVolume& volume, Grids& grids) {
     openvdb::tools::pruneInactive(grids.color->tree());
 }
 
-void describe(const SparseVolume& volume, bool half, Grids& grids) {
+void describe(const SparseVolume& volume, bool half, VdbGrids& grids) {
     grids.density->setName("density");
     grids.color->setName("color");
     grids.density->setGridClass(openvdb::GRID_FOG_VOLUME);
@@ -85,7 +81,7 @@ void describe(const SparseVolume& volume, bool half, Grids& grids) {
     }
 }
 
-void write_file(const std::filesystem::path& path, const SparseVolume& volume, const Grids& grids) {
+void write_file(const std::filesystem::path& path, const SparseVolume& volume, const VdbGrids& grids) {
     openvdb::MetaMap metadata;
     for (const auto& [key, value] : volume.metadata) metadata.insertMeta(key, openvdb::StringMetadata(value));
     try {
@@ -139,7 +135,7 @@ VdbFigures write_vdb(const std::filesystem::path& path, const SparseVolume& volu
     }
     openvdb::initialize();
     const bool fits_half = volume.density.numel() == 0 || volume.density.max().item<float>() <= half_max;
-    Grids grids;
+    VdbGrids grids;
     insert_blocks(volume, grids);
     fill_colors(*grids.color, options.color_dilation);
     describe(volume, options.half_precision && fits_half, grids);
@@ -149,29 +145,33 @@ VdbFigures write_vdb(const std::filesystem::path& path, const SparseVolume& volu
             options.half_precision && fits_half};
 }
 
-VdbContents read_vdb(const std::filesystem::path& path) {
+VdbGrids load_grids(const std::filesystem::path& path) {
     if (!std::filesystem::is_regular_file(path)) input_error("{}: no such file", path.string());
     openvdb::initialize();
     try {
         openvdb::io::File file(path.string());
         file.open();
-        const auto density = grid_named<openvdb::FloatGrid>(file, "density", path.string());
-        const auto color = grid_named<openvdb::Vec3SGrid>(file, "color", path.string());
-        VdbContents contents;
-        std::tie(contents.density_index, contents.density) = active_voxels(*density, 1);
-        contents.density = contents.density.squeeze(1);
-        std::tie(contents.color_index, contents.color) = active_voxels(*color, 3);
-        contents.index_to_world = matrix_of(density->transform());
-        contents.half_precision = density->saveFloatAsHalf();
-        const openvdb::MetaMap::Ptr metadata = file.getMetadata();
-        for (auto item = metadata->beginMeta(); item != metadata->endMeta(); ++item) {
-            contents.metadata[item->first] = item->second->str();
-        }
+        VdbGrids grids{grid_named<openvdb::FloatGrid>(file, "density", path.string()),
+                       grid_named<openvdb::Vec3SGrid>(file, "color", path.string()), file.getMetadata()};
         file.close();
-        return contents;
+        return grids;
     } catch (const openvdb::Exception& error) {
         input_error("{}: not a readable .vdb file ({})", path.string(), error.what());
     }
+}
+
+VdbContents read_vdb(const std::filesystem::path& path) {
+    const VdbGrids grids = load_grids(path);
+    VdbContents contents;
+    std::tie(contents.density_index, contents.density) = active_voxels(*grids.density, 1);
+    contents.density = contents.density.squeeze(1);
+    std::tie(contents.color_index, contents.color) = active_voxels(*grids.color, 3);
+    contents.index_to_world = matrix_of(grids.density->transform());
+    contents.half_precision = grids.density->saveFloatAsHalf();
+    for (auto item = grids.metadata->beginMeta(); item != grids.metadata->endMeta(); ++item) {
+        contents.metadata[item->first] = item->second->str();
+    }
+    return contents;
 }
 
 }  // namespace fieldgraft

@@ -41,7 +41,8 @@ void add_bake(Program& program) {
     app->add_option("--voxel-size", options->bake.voxel_size, "voxel edge in the user's world")
         ->check(CLI::PositiveNumber)
         ->excludes(resolution);
-    app->add_option("--threshold", options->bake.threshold, "smallest optical depth of a voxel that is kept")
+    app->add_option("--threshold", options->bake.threshold,
+                    "smallest optical depth that is kept, of 1/256 of the thing's edge")
         ->check(CLI::Range(0.0, 10.0));
     app->add_option("--max-optical-depth", options->bake.max_optical_depth,
                     "cap of a voxel's optical depth, 0 for none")

@@ -45,6 +45,7 @@ void add_edit(Program& program);
 void add_render(Program& program);
 void add_eval(Program& program);
 void add_bake(Program& program);
+void add_profile(Program& program);
 void add_info(Program& program);
 
 }  // namespace fieldgraft::app

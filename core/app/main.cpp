@@ -10,7 +10,7 @@ int main(int argc, char** argv) {
     Program program;
     program.cli.require_subcommand(1);
     program.cli.set_version_flag("--version", "fieldgraft 0.1.0");
-    for (auto add : {add_train, add_edit, add_render, add_eval, add_bake, add_info}) add(program);
+    for (auto add : {add_train, add_edit, add_render, add_eval, add_bake, add_profile, add_info}) add(program);
     try {
         program.cli.parse(argc, argv);
     } catch (const CLI::ParseError& error) {

@@ -25,6 +25,7 @@ class Reporter {
     void warning(const std::string& message) const { event({{"event", "warning"}, {"message", message}}); }
     // True once the user asked to stop: finish the step, save, throw Cancelled.
     bool stop_requested() const { return stop_ != nullptr && stop_->load(std::memory_order_relaxed); }
+    const std::atomic<bool>* stop_flag() const { return stop_; }  // for work with a sink of its own
 
   private:
     Sink sink_;

@@ -18,7 +18,8 @@ USES = {
     "core/train": {"core/render"},
     "core/edit": {"core/train", "core/guidance"},
     "vdb_export": {"core/field", "core/render"},
-    "core/app": {"core/edit", "vdb_export"},
+    "core/profile": {"core/edit", "vdb_export"},
+    "core/app": {"core/profile"},
     "python_bindings": {"core/edit", "vdb_export"},
 }
 TORCH_FREE = {"core/kernels"}
