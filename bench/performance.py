@@ -19,6 +19,7 @@ from pathlib import Path
 from typing import Any
 
 import eager
+import many_images
 import results_page
 from run import commit, done_event, gemm_gflops
 
@@ -34,11 +35,6 @@ FLOPS_A_SAMPLE = 3 * 2 * sum(WEIGHTS.values())
 def spread(values: list[float], digits: int = 3) -> dict[str, float]:
     shown = {"median": statistics.median(values), "min": min(values), "max": max(values)}
     return {k: round(v, digits) for k, v in shown.items()}
-
-
-def processor() -> str:
-    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
-    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "unknown")
 
 
 class Performance:
@@ -57,7 +53,7 @@ class Performance:
 
     def machine(self) -> None:
         self.report["machine"] = {
-            "processor": processor(),
+            "processor": results_page.processor(),
             "cores": os.cpu_count(),
             "threads": self.args.threads,
             "gemm_float32": gemm_gflops(self.args.threads),
@@ -129,6 +125,21 @@ class Performance:
                     "of_them_field_and_rendering": spread([r["field_seconds_per_iteration"] for r in runs]),
                 }
 
+    def images(self) -> None:
+        """2,000 images of 1920×1080: memory, and a step's time beside that of the images that fit into memory."""
+        self.report["images"] = {}
+        with tempfile.TemporaryDirectory() as folder:
+            for count in (200, 2000):
+                scene = many_images.write_scene(Path(folder) / str(count), count)
+                done = self.run(
+                    "train", scene, "-o", Path(folder) / "f.safetensors", "--minutes", 1, "--threads", self.args.threads
+                )
+                self.report["images"][str(count)] = {
+                    "peak_mib": round(done["peak_mib"]),
+                    "seconds_an_iteration": round(done["seconds"] / done["iterations"], 4),
+                    "psnr": round(done["psnr"], 2),
+                }
+
     def bake(self) -> None:
         files = [self.args.field] + ([self.args.edit] if self.args.edit else [])
         with tempfile.TemporaryDirectory() as folder:
@@ -147,11 +158,11 @@ def measure_all(args: Any) -> None:
     report, wanted = performance.report, args.only.split(",")
     # A part that is measured again elsewhere says so; the page's machine stays that of the rest.
     measured_on = report.setdefault("measured_on", {})
-    if {p for n, p in measured_on.items() if n not in wanted} <= {processor()}:
+    if {p for n, p in measured_on.items() if n not in wanted} <= {results_page.processor()}:
         performance.machine()
     for name in wanted:
         getattr(performance, name)()
-        measured_on[name] = processor()
+        measured_on[name] = results_page.processor()
         performance.save()
         print(json.dumps({name: performance.report[name]}), file=sys.stderr, flush=True)
     results_page.main()

@@ -11,12 +11,19 @@ from __future__ import annotations
 import json
 import re
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE, FIGURES = ROOT / "docs" / "results.md", ROOT / "docs" / "results" / "lego.json"
+ACCURACY_PAGE, ACCURACY_FIGURES = ROOT / "docs" / "accuracy-and-time.md", ROOT / "docs" / "results" / "accuracy.json"
 SPEED_PAGE, SPEED_FIGURES = ROOT / "docs" / "performance.md", ROOT / "docs" / "results" / "performance.json"
+
+
+def processor() -> str:
+    lines = Path("/proc/cpuinfo").read_text().splitlines() if Path("/proc/cpuinfo").exists() else []
+    return next((line.split(":")[1].strip() for line in lines if line.startswith("model name")), "unknown")
 
 
 def table(heads: list[str], rows: list[list[str]]) -> str:
@@ -140,6 +147,17 @@ def network_rows(networks: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
+def image_rows(images: dict[str, Any]) -> list[list[str]]:
+    lego = json.loads(FIGURES.read_text(encoding="utf-8"))["field"][-1]
+    rows = [[f"memory while training lego for {lego['minutes']:g} minutes, GiB", f"{lego['peak_mib'] / 1024:.2f}"]]
+    rows[0].append("1.5 / 0.7")
+    for count, figures in images.items():
+        memory, step = figures["peak_mib"] / 1024, figures["seconds_an_iteration"]
+        what = f"{int(count):,} images of 1920×1080: memory, GiB; milliseconds an iteration"
+        rows.append([what, f"{memory:.2f}; {1000 * step:.0f}", "6; " if int(count) > 1000 else ""])
+    return rows
+
+
 def speed_table(report: dict[str, Any]) -> str:
     scaling, edit, bake = report["scaling"], report["edit"], report["bake"]
     threads = report["machine"]["threads"]
@@ -160,9 +178,42 @@ def speed_table(report: dict[str, Any]) -> str:
         [f"training, 1 to {threads} threads: times faster", f"{faster:.2f}", "1.8 / 1.95"],
         ["a 400x400 view of the field, s", range_of(report["render"]["seconds_a_view"], 3), "0.25 / 0.1"],
         *edits,
+        *image_rows(report.get("images", {})),
         [f"bake of a {baked}, 256³, s", range_of(bake["seconds"], 1), "20 / 5"],
     ]
     return table(["what", "measured", "at least / aim"], rows)
+
+
+# The figures of each sweep's table: name, heading, digits.
+SWEEP_FIGURES = {
+    "training": [("psnr", "PSNR, dB", 2), ("iterations", "iterations", 0), ("peak_mib", "MiB", 0)],
+    "rendering": [("psnr", "PSNR to converged, dB", 1)],
+    "editing": [("mp_clip", "MP_CLIP", 3), ("s_clip", "S_CLIP", 3), ("d_l1_inside", "change inside", 3)]
+    + [("d_l1_outside", "outside", 4), ("d_l1_outside_object", "outside, object", 4)],
+    "baking": [("psnr", "PSNR to the field, dB", 2), ("mib", "MiB", 1), ("voxels", "voxels", 0)],
+}
+
+
+def sweep_table(sweep: str, report: dict[str, Any]) -> str:
+    """Every point, knob by knob from the fastest on; bold: nothing is both faster and better."""
+    figures = SWEEP_FIGURES[sweep]
+    front = {(p["knob"], p["value"]) for p in report["fronts"][sweep][figures[0][0]]}
+    points = [p for p in report["points"] if p["sweep"] == sweep]
+    usual = next(p for p in points if p["usual"])["figures"]["seconds"]
+    knobs = list(dict.fromkeys(p["knob"] for p in points))
+    rows = []
+    for p in sorted(points, key=lambda p: (knobs.index(p["knob"]), p["figures"]["seconds"])):
+        value = f"{p['value']} (usual)" if p["usual"] else p["value"]
+        shown = f"**{value}**" if (p["knob"], p["value"]) in front else value
+        seconds = p["figures"]["seconds"]
+        cells = [f"{p['figures'][name]:,.{digits}f}" if name in p["figures"] else "" for name, _, digits in figures]
+        rows.append([p["knob"], shown, f"{seconds:.3g}", f"{seconds / usual:.2f}", *cells])
+    return table(["knob", "value", "seconds", "of the usual", *(head for _, head, _ in figures)], rows)
+
+
+def accuracy_machine(report: dict[str, Any]) -> str:
+    gemm = range_of(report["gemm_float32"], 0)
+    return f"Measured on {report['processor']}; GEMM 2048³ in float32 {gemm} GFLOP/s on the same cores."
 
 
 MAKERS = {
@@ -173,7 +224,8 @@ MAKERS = {
     "machine": machine_table,
     "kernels": kernel_table,
     "speed": speed_table,
-}
+    "accuracy machine": accuracy_machine,
+} | {sweep: partial(sweep_table, sweep) for sweep in SWEEP_FIGURES}
 
 
 def filled(page: str, report: dict[str, Any]) -> str:
@@ -192,10 +244,15 @@ def speed_report() -> dict[str, Any]:
     return {"machine": report["machine"], "kernels": report["kernels"], "speed": report}
 
 
+def accuracy_report() -> dict[str, Any]:
+    report = json.loads(ACCURACY_FIGURES.read_text(encoding="utf-8"))
+    return {"accuracy machine": report} | dict.fromkeys(SWEEP_FIGURES, report)
+
+
 def main() -> int:
     stale = False
     lego = json.loads(FIGURES.read_text(encoding="utf-8"))
-    for path, report in ((PAGE, lego), (SPEED_PAGE, speed_report())):
+    for path, report in ((PAGE, lego), (SPEED_PAGE, speed_report()), (ACCURACY_PAGE, accuracy_report())):
         page = path.read_text(encoding="utf-8")
         new = filled(page, report)
         stale = stale or new != page

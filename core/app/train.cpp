@@ -12,7 +12,7 @@ namespace {
 struct TrainArguments {
     std::string scene, output, backbone = "hash";
     TrainOptions train;
-    double minutes = 0, downscale = 1;
+    double minutes = 0, downscale = 1, image_memory = static_cast<double>(usual_image_bytes) / (1ll << 30);
     std::int64_t iterations = 0;
     bool resume = false;
 };
@@ -23,6 +23,7 @@ void run_train(const CommonOptions& common, TrainArguments options) {
     if (options.minutes > 0) options.train.minutes = options.minutes;
     if (options.iterations > 0) options.train.iterations = options.iterations;
     options.train.seed = common.seed;
+    options.train.image_bytes = static_cast<std::int64_t>(options.image_memory * (1ll << 30));
     const Reporter reporter = console_reporter(common, "train");
     SceneOptions scene_options;
     scene_options.downscale = options.downscale;
@@ -64,6 +65,8 @@ void add_train(Program& program) {
         ->check(CLI::IsMember({"bfloat16", "float32"}));
     app->add_option("--downscale", options->downscale, "reduce the images by this factor")
         ->check(CLI::Range(1.0, 64.0));
+    app->add_option("--image-memory", options->image_memory, "GiB of training images in memory; more are streamed")
+        ->check(CLI::Range(0.001, 1024.0));
     app->add_flag("--resume", options->resume, "go on from the checkpoint beside the output");
     app->callback(
         [&program, options] { program.action = [&program, options] { run_train(program.common, *options); }; });

@@ -238,16 +238,22 @@ Tensor Scene::pixels(const View& view) const {
         const std::lock_guard lock(cache_->mutex);
         if (cache_->pixels[own.index].defined()) return cache_->pixels[own.index];
     }
+    const Tensor bytes = decoded(own);
+    const std::lock_guard lock(cache_->mutex);
+    if (!cache_->pixels[own.index].defined()) cache_->pixels[own.index] = bytes;
+    return cache_->pixels[own.index];
+}
+
+Tensor Scene::decoded(const View& view) const {
+    const View& own = views_.at(view.index);
+    if (own.image.empty()) return pixels(own);  // a scene out of memory
     Tensor image = read_image(own.image);
     std::string extension = own.image.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
                    [](unsigned char c) { return std::tolower(c); });
     if (extension == ".exr") image = display_values(image);
     image = resize_image(image, own.camera.height, own.camera.width);
-    const Tensor bytes = to_bytes(with_channels(image, has_alpha_));
-    const std::lock_guard lock(cache_->mutex);
-    if (!cache_->pixels[own.index].defined()) cache_->pixels[own.index] = bytes;
-    return cache_->pixels[own.index];
+    return to_bytes(with_channels(image, has_alpha_));
 }
 
 Tensor Scene::image(const View& view) const {
@@ -261,11 +267,15 @@ Tensor Scene::mask(const View& view) const {
     if (own.mask.empty()) return Tensor();
     const std::lock_guard lock(cache_->mutex);
     Tensor& kept = cache_->masks[own.index];
-    if (!kept.defined()) {
-        const Tensor brightness = read_image(own.mask).narrow(2, 0, 3).amax(2, true);
-        kept = resize_image(brightness, own.camera.height, own.camera.width).squeeze(2) >= 0.5;
-    }
+    if (!kept.defined()) kept = decoded_mask(own);
     return kept;
+}
+
+Tensor Scene::decoded_mask(const View& view) const {
+    const View& own = views_.at(view.index);
+    if (own.mask.empty()) return Tensor();
+    const Tensor brightness = read_image(own.mask).narrow(2, 0, 3).amax(2, true);
+    return resize_image(brightness, own.camera.height, own.camera.width).squeeze(2) >= 0.5;
 }
 
 }  // namespace fieldgraft

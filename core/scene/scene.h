@@ -68,10 +68,13 @@ class Scene {
     // H×W×C uint8, C = 4 if has_alpha() else 3, straight alpha, sRGB values; EXR (linear, premultiplied) is converted.
     // Decoded once, then kept. May be called from several threads.
     Tensor pixels(const View& view) const;
+    // The same, decoded again and not kept.
+    Tensor decoded(const View& view) const;
     // The same as float32 in [0, 1].
     Tensor image(const View& view) const;
     // H×W bool, false where the view's mask says ignore; undefined if it has no mask.
     Tensor mask(const View& view) const;
+    Tensor decoded_mask(const View& view) const;  // not kept
 
     bool has_alpha() const { return has_alpha_; }
     const Bounds& bounds() const { return bounds_; }

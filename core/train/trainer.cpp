@@ -140,7 +140,7 @@ class Trainer {
 
     void iterate() {
         refresh_occupancy();
-        const RayBatch batch = draw_rays(data_.train, state_.rays, state_.random);
+        const RayBatch batch = draw_rays(data_.images_at(state_.iteration), state_.rays, state_.random);
         const std::vector<RangeFit> fits = fit(batch);
         double error = 0;
         std::int64_t samples = 0;
@@ -218,7 +218,7 @@ class Trainer {
     }
 
     double measured_psnr() const {
-        const ImageSet& set = data_.validation.cameras.empty() ? data_.train : data_.validation;
+        const ImageSet& set = data_.validation.cameras.empty() ? data_.images_at(state_.iteration) : data_.validation;
         const std::size_t count = std::min<std::size_t>(4, set.cameras.size());
         double total = 0;
         RenderOptions options;
@@ -317,7 +317,13 @@ TrainResult train_field(const TrainingData& data, const TrainOptions& options, c
 
 TrainResult train_field(const Scene& scene, const TrainOptions& options, const Reporter& reporter,
                         const std::filesystem::path& checkpoint, bool resume) {
-    return train_field(training_data_of(scene), options, reporter, checkpoint, resume);
+    const TrainingData data = training_data_of(scene, options.image_bytes, options.seed);
+    if (data.stream != nullptr) {
+        reporter.warning(fmt::format(
+            "{} training images do not fit into {:.1f} GiB (--image-memory): {} at a time are in memory",
+            data.stream->size(), static_cast<double>(options.image_bytes) / (1ll << 30), data.stream->window()));
+    }
+    return train_field(data, options, reporter, checkpoint, resume);
 }
 
 }  // namespace fieldgraft

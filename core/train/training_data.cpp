@@ -1,25 +1,9 @@
 #include "core/train/training_data.h"
 
 #include "core/base/errors.h"
-#include "core/base/shape.h"
 
 namespace fieldgraft {
 namespace {
-
-void check_image(const ImageSet& set, std::size_t i) {
-    const Tensor &pixels = set.pixels[i], &mask = set.masks[i];
-    const Camera& camera = set.cameras[i];
-    const bool fits = pixels.dim() == 3 && pixels.size(0) == camera.height && pixels.size(1) == camera.width &&
-                      (pixels.size(2) == 3 || pixels.size(2) == 4) && pixels.scalar_type() == at::kByte;
-    if (!fits) {
-        input_error("image {} (\"{}\") is {}; its camera needs bytes {}×{}×3 or ×4", i, camera.name, shape_text(pixels),
-                    camera.height, camera.width);
-    }
-    if (mask.defined() && mask.sizes() != pixels.sizes().slice(0, 2)) {
-        input_error("the mask of image {} (\"{}\") is {}, not {}×{}", i, camera.name, shape_text(mask), camera.height,
-                    camera.width);
-    }
-}
 
 ImageSet images_of(const Scene& scene, const std::vector<View>& views) {
     ImageSet set;
@@ -40,8 +24,9 @@ bool masked_out(const ImageSet& images, std::int64_t view, std::int64_t x, std::
 
 void TrainingData::check() const {
     if (train.cameras.empty()) input_error("the scene has no training images");
-    bool any = false;
+    bool any = stream != nullptr;  // which looks at images when it reads them
     for (const ImageSet* set : {&train, &validation}) {
+        if (set == &train && stream != nullptr) continue;
         if (set->pixels.size() != set->cameras.size() || set->masks.size() != set->cameras.size()) {
             throw std::invalid_argument("as many images and masks as cameras are needed");
         }
@@ -74,12 +59,40 @@ FieldGeometry geometry_of(const Scene& scene) {
     return geometry;
 }
 
-TrainingData training_data_of(const Scene& scene) {
+namespace {
+
+// How many images of these sizes fit into so many bytes; fewer than 2³² pixels, which are drawn by number.
+std::size_t images_that_fit(const std::vector<View>& views, int channels, std::int64_t bytes) {
+    std::int64_t largest = 1;
+    for (const View& view : views) {
+        largest = std::max(largest, static_cast<std::int64_t>(view.camera.width) * view.camera.height);
+    }
+    const std::int64_t most = std::min<std::int64_t>(bytes / (channels * largest), ((1ll << 32) - 1) / largest);
+    return static_cast<std::size_t>(std::clamp<std::int64_t>(most, 1, static_cast<std::int64_t>(views.size())));
+}
+
+}  // namespace
+
+TrainingData training_data_of(const Scene& scene, std::int64_t image_bytes, std::uint64_t seed) {
     // Four views tell the quality well enough for a report.
     std::vector<View> all = scene.validation_views(), some;
     const std::size_t count = std::min<std::size_t>(4, all.size());
     for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
-    return {geometry_of(scene), images_of(scene, scene.views("train")), images_of(scene, some)};
+    const std::vector<View> train = scene.views("train");
+    TrainingData data{geometry_of(scene), {}, images_of(scene, some), nullptr};
+    const std::size_t window = train.empty() ? 0 : images_that_fit(train, scene.has_alpha() ? 4 : 3, image_bytes);
+    if (window == train.size()) {
+        data.train = images_of(scene, train);
+        return data;
+    }
+    for (const View& view : train) data.train.cameras.push_back(view.camera);
+    const auto source = std::make_shared<const Scene>(scene);
+    const auto views = std::make_shared<const std::vector<View>>(train);
+    const auto load = [source, views](std::size_t i) {
+        return ImageStream::Image{source->decoded(views->at(i)), source->decoded_mask(views->at(i))};
+    };
+    data.stream = std::make_shared<ImageStream>(data.train.cameras, load, window, seed);
+    return data;
 }
 
 RayBatch draw_rays(const ImageSet& images, std::int64_t count, Random& random) {

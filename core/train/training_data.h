@@ -1,10 +1,11 @@
 // The pixels a field is fitted to, and random rays through them.
 //
-// Pixels are H×W×C uint8, C = 3 or 4 (straight alpha), sRGB values, one image a camera; masks H×W bool, false = ignore,
-// undefined = no mask. A batch holds R rays (model coordinates) uniform over all pixels that are not masked, and their
-// colours R×4 in [0, 1], straight alpha (1 for images without).
+// Images are ImageSets (image_stream.h), all of them in memory or a window of them at a time. A batch holds R rays
+// (model coordinates) uniform over all pixels that are not masked, and their colours R×4 in [0, 1], straight alpha (1
+// for images without).
 #pragma once
 
+#include <memory>
 #include <vector>
 
 #include "core/base/random.h"
@@ -12,25 +13,26 @@
 #include "core/render/samples.h"
 #include "core/scene/camera.h"
 #include "core/scene/scene.h"
+#include "core/train/image_stream.h"
 
 namespace fieldgraft {
 
-struct ImageSet {
-    std::vector<Camera> cameras;
-    std::vector<Tensor> pixels;
-    std::vector<Tensor> masks;
-};
-
 struct TrainingData {
     FieldGeometry geometry;
-    ImageSet train;
-    ImageSet validation;  // looked at for the report only; may be empty: then training views are
+    ImageSet train;                       // with a stream: cameras only
+    ImageSet validation;                  // looked at for the report only; may be empty: then training views are
+    std::shared_ptr<ImageStream> stream;  // null: all images are in `train`
+
+    // What rays are drawn from.
+    const ImageSet& images_at(std::int64_t iteration) const { return stream ? stream->at(iteration) : train; }
     // Throws InputError: no images, an image that does not have its camera's size, masks that leave no pixel.
     void check() const;
 };
 
 FieldGeometry geometry_of(const Scene& scene);
-TrainingData training_data_of(const Scene& scene);
+constexpr std::int64_t usual_image_bytes = 2ll << 30;
+// Images beyond `image_bytes` in all are streamed, in an order that depends on the seed.
+TrainingData training_data_of(const Scene& scene, std::int64_t image_bytes = usual_image_bytes, std::uint64_t seed = 0);
 
 struct RayBatch {
     RayBundle rays;

@@ -134,6 +134,58 @@ TEST_F(Train, StoppedAndResumedItIsTheSameRun) {
     EXPECT_EQ(result.report.iterations, 40);
 }
 
+// The same images, two of them in memory at a time.
+TrainingData streamed_ball() {
+    TrainingData data = ball_data();
+    const auto images = std::make_shared<ImageSet>(std::move(data.train));
+    data.train = {images->cameras, {}, {}};
+    const auto load = [images](std::size_t i) { return ImageStream::Image{images->pixels[i], images->masks[i]}; };
+    data.stream = std::make_shared<ImageStream>(images->cameras, load, 2, 7);
+    return data;
+}
+
+TEST_F(Train, StreamedImagesTeachTheSameBall) {
+    const TrainResult result = train_field(streamed_ball(), small_options(400));
+    EXPECT_GT(result.report.psnr, 23) << "PSNR of a view that was not trained on";
+}
+
+TEST_F(Train, StreamedImagesAreTheSameAfterAStop) {
+    const fs::path checkpoint = temporary("streamed.safetensors");
+    const auto options = small_options(40);
+    const std::string expected = train_field(streamed_ball(), options).field->hash();
+    EXPECT_NE(expected, train_field(ball_data(), options).field->hash());
+    const std::atomic<bool> stop{true};
+    const Reporter stopping([](const Json&) {}, &stop);
+    for (int piece = 0; piece < 9; ++piece) {
+        EXPECT_THROW(train_field(streamed_ball(), options, stopping, checkpoint, piece > 0), Cancelled);
+    }
+    EXPECT_EQ(train_field(streamed_ball(), options, {}, checkpoint, true).field->hash(), expected);
+}
+
+TEST_F(Train, ImagesBeyondTheMemoryAreStreamed) {
+    const TrainingData all = ball_data();
+    std::vector<Tensor> images;
+    for (const Tensor& pixels : all.train.pixels) images.push_back(pixels.to(at::kFloat) / 255);
+    const Scene scene = Scene::from_images(all.train.cameras, images);
+    const std::int64_t image = 24 * 24 * 4;
+    EXPECT_EQ(training_data_of(scene).stream, nullptr);
+    EXPECT_EQ(training_data_of(scene, 8 * image).stream, nullptr);
+    const TrainingData some = training_data_of(scene, 8 * image - 1);
+    ASSERT_NE(some.stream, nullptr);
+    EXPECT_EQ(some.stream->window(), 7u);
+    EXPECT_EQ(training_data_of(scene, 1).stream->window(), 1u);
+    const ImageSet& shown = some.images_at(0);
+    ASSERT_EQ(shown.pixels.size(), 7u);
+    EXPECT_TRUE(at::equal(shown.pixels[0], scene.pixels(scene.views()[some.stream->image_at(0)])));
+    auto options = small_options(20);
+    options.image_bytes = 3 * image;
+    std::vector<Json> events;
+    const Reporter reporter([&](const Json& event) { events.push_back(event); });
+    train_field(scene, options, reporter);
+    EXPECT_EQ(events.front().at("event"), "warning");
+    EXPECT_NE(events.front().at("message").get<std::string>().find("3 at a time"), std::string::npos);
+}
+
 TEST_F(Train, ACheckpointOfAnotherRunIsRefused) {
     const fs::path checkpoint = temporary("other.safetensors");
     train_field(ball_data(), small_options(2), {}, checkpoint);
