@@ -65,10 +65,12 @@ TEST(ImageStream, EveryRoundIsAllImagesInAnotherOrder) {
 
 TEST(ImageStream, WindowMovesByOneImageEveryFourIterations) {
     Counted images;
-    ImageStream stream(cameras(), images.load(), 3, 5);
-    for (int iteration = 0; iteration < 100; ++iteration) {
-        EXPECT_EQ(shown(stream.at(iteration)), expected(stream, iteration / 4)) << iteration;
-    }
+    {
+        ImageStream stream(cameras(), images.load(), 3, 5);
+        for (int iteration = 0; iteration < 100; ++iteration) {
+            EXPECT_EQ(shown(stream.at(iteration)), expected(stream, iteration / 4)) << iteration;
+        }
+    }  // and those ahead have been waited for
     int loads = 0;
     for (const auto& n : images.loads) loads += n;
     // 3 at first, 24 more since, 2 ahead: none twice.
