@@ -20,6 +20,7 @@ from typing import Any
 
 import eager
 import many_images
+import random_clip
 import results_page
 from run import commit, done_event, gemm_gflops
 
@@ -124,6 +125,29 @@ class Performance:
                     "seconds_an_iteration": spread([r["seconds_per_iteration"] for r in runs]),
                     "of_them_field_and_rendering": spread([r["field_seconds_per_iteration"] for r in runs]),
                 }
+
+    def towers(self) -> None:
+        """An iteration with towers of ViT-B/32's size (random weights), 24 augmented pairs, beside the time their
+        products alone would take at the machine's GEMM rate of the type they are computed in."""
+        prompt = ["--source", "yellow bulldozer", "--target", "red bulldozer", "--ops", "change"]
+        size = ["--patch", 128, "--augmentations", 24, "--iterations", 12, "--threads", self.args.threads]
+        guide = ROOT / "models" / "guide"
+        with tempfile.TemporaryDirectory() as folder:
+            clip = random_clip.write_folder(Path(folder) / "clip", guide)
+            files = [self.args.field, "-o", Path(folder) / "e.safetensors", "--guidance", clip, "--segmenter", guide]
+            done = self.run("edit", *files, *prompt, *size)
+        bfloat16 = random_clip.computed_in_bfloat16()
+        gemm = gemm_gflops(self.args.threads, bfloat16=bfloat16)
+        # The blended pictures forward and back to their pixels, the original ones forward.
+        gflop = 3 * 24 * random_clip.GFLOP_AN_IMAGE
+        self.report["towers"] = {
+            "seconds_an_iteration": done["seconds_per_iteration"],
+            "of_them_field_and_rendering": done["field_seconds_per_iteration"],
+            "type": "bfloat16" if bfloat16 else "float32",
+            "gflop_an_iteration": round(gflop),
+            "gemm": gemm,
+            "products_alone_seconds": round(gflop / gemm["median"], 3),
+        }
 
     def images(self) -> None:
         """2,000 images of 1920×1080: memory, and a step's time beside that of the images that fit into memory."""

@@ -79,6 +79,14 @@ def turned_share(before: Path, after: Path, views: list[str], hues: dict[str, li
     return turned / max(1, there)
 
 
+def render_in_cycles(blender: str, grid: Path, scene: Path, out: Path, options: list[Any]) -> None:
+    script = ROOT / "blender_addon" / "render_volume.py"
+    command = [blender, "-b", "--factory-startup", "--python-exit-code", "1", "--python", script, "--"]
+    command += ["--vdb", grid, "--cameras", scene / "transforms_test.json", "--views", ",".join(VIEWS)]
+    command += ["--out", out, "--background", "white", "--resolution", "400", "400", *options]
+    subprocess.run([str(c) for c in command], check=True, stdout=subprocess.DEVNULL)
+
+
 def asked_share(before: Path, after: Path, mask: Path, asked: dict[str, Any]) -> float:
     """How much of a test view's region shows what an edit asked for.
 
@@ -223,12 +231,8 @@ class Results:
         same = self.work / "conserving"
         self.run("render", self.field, *self.views, "-o", same, "--compositing", "conserving", "--color", "diffuse")
         cycles = self.work / "cycles"
-        script = ROOT / "blender_addon" / "render_volume.py"
-        command = [self.args.blender, "-b", "--factory-startup", "--python-exit-code", "1", "--python", script, "--"]
-        command += ["--vdb", grid, "--cameras", self.scene / "transforms_test.json", "--views", ",".join(VIEWS)]
-        command += ["--out", cycles, "--background", "white", "--resolution", "400", "400", "--step-rate", "0.25"]
         start = time.perf_counter()
-        subprocess.run([str(c) for c in command], check=True, stdout=subprocess.DEVNULL)
+        render_in_cycles(self.args.blender, grid, self.scene, cycles, ["--step-rate", "0.25"])
         seconds = (time.perf_counter() - start) / len(VIEWS)
         original = self.original()
         self.report["bake"] = {

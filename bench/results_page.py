@@ -147,6 +147,22 @@ def network_rows(networks: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
+def tower_rows(towers: dict[str, Any] | None) -> list[list[str]]:
+    if towers is None:
+        return []
+    rest = towers["seconds_an_iteration"] - towers["of_them_field_and_rendering"]
+    what = f"an iteration guided by towers of ViT-B/32's size ({towers['type']}, 24 pairs), S = 128, s"
+    return [
+        [what, f"{towers['seconds_an_iteration']:.2f}", ""],
+        ["of them field and rendering", f"{towers['of_them_field_and_rendering']:.2f}", ""],
+        [
+            "the rest against the towers' products at the GEMM rate",
+            f"{rest / towers['products_alone_seconds']:.2f}",
+            "– / 1.3",
+        ],
+    ]
+
+
 def image_rows(images: dict[str, Any]) -> list[list[str]]:
     lego = json.loads(FIGURES.read_text(encoding="utf-8"))["field"][-1]
     rows = [[f"memory while training lego for {lego['minutes']:g} minutes, GiB", f"{lego['peak_mib'] / 1024:.2f}"]]
@@ -178,6 +194,7 @@ def speed_table(report: dict[str, Any]) -> str:
         [f"training, 1 to {threads} threads: times faster", f"{faster:.2f}", "1.8 / 1.95"],
         ["a 400x400 view of the field, s", range_of(report["render"]["seconds_a_view"], 3), "0.25 / 0.1"],
         *edits,
+        *tower_rows(report.get("towers")),
         *image_rows(report.get("images", {})),
         [f"bake of a {baked}, 256³, s", range_of(bake["seconds"], 1), "20 / 5"],
     ]
@@ -186,10 +203,11 @@ def speed_table(report: dict[str, Any]) -> str:
 
 # The figures of each sweep's table: name, heading, digits.
 SWEEP_FIGURES = {
-    "training": [("psnr", "PSNR, dB", 2), ("iterations", "iterations", 0), ("peak_mib", "MiB", 0)],
+    "training": [("psnr", "PSNR, dB", 2), ("iterations", "iterations", 0), ("seconds_per_view", "seconds a view", 2)],
     "rendering": [("psnr", "PSNR to converged, dB", 1)],
     "editing": [("mp_clip", "MP_CLIP", 3), ("s_clip", "S_CLIP", 3), ("d_l1_inside", "change inside", 3)]
     + [("d_l1_outside", "outside", 4), ("d_l1_outside_object", "outside, object", 4)],
+    "cycles": [("psnr", "PSNR to the engine, dB", 2)],
     "baking": [("psnr", "PSNR to the field, dB", 2), ("mib", "MiB", 1), ("voxels", "voxels", 0)],
 }
 

@@ -93,7 +93,8 @@ def main() -> None:
     parser.add_argument("--page", action="store_true", help="measure what docs/performance.md shows")
     parser.add_argument("--field", type=Path, help="of the scene, for --page")
     parser.add_argument("--edit", type=Path, help="of that field, for --page")
-    parser.add_argument("--only", default="kernels,training,scaling,render,edit,bake,images", help="parts of --page")
+    parts = "kernels,training,scaling,render,edit,towers,bake,images"
+    parser.add_argument("--only", default=parts, help="parts of --page")
     parser.add_argument("--repeats", type=int, default=3, help="of every figure of --page")
     args = parser.parse_args()
     if args.page:

@@ -11,9 +11,9 @@ namespace fieldgraft {
 namespace {
 
 // The field's own pictures with the colour a grid holds, drawn when they are first asked for.
-class Reference {
+class FieldPictures {
   public:
-    explicit Reference(const BakingInputs& inputs) : inputs_(inputs) {}
+    explicit FieldPictures(const BakingInputs& inputs) : inputs_(inputs) {}
 
     const std::vector<Tensor>& pictures() {
         if (pictures_.empty()) {
@@ -35,7 +35,7 @@ class Reference {
     std::vector<Tensor> pictures_;
 };
 
-Json run(const BakingInputs& inputs, Reference& reference, const BakeOptions& options, const Reporter& reporter) {
+Json run(const BakingInputs& inputs, FieldPictures& reference, const BakeOptions& options, const Reporter& reporter) {
     const auto& expected = reference.pictures();
     const std::filesystem::path path = inputs.scratch / "trial.vdb";
     const BakeReport report = bake(*inputs.field, inputs.edits, path, options, reporter);
@@ -56,7 +56,7 @@ Json run(const BakingInputs& inputs, Reference& reference, const BakeOptions& op
 }  // namespace
 
 std::vector<Trial> baking_trials(const BakingInputs& inputs) {
-    const auto reference = std::make_shared<Reference>(inputs);
+    const auto reference = std::make_shared<FieldPictures>(inputs);
     std::vector<Trial> trials;
     const auto add = [&](const std::string& knob, const std::string& value, const BakeOptions& options,
                          bool usual = false) {

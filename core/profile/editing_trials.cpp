@@ -9,9 +9,9 @@ namespace fieldgraft {
 namespace {
 
 // What all trials are compared with: the views before the edit, and where in them the edit belongs.
-class Views {
+class JudgedViews {
   public:
-    explicit Views(const EditingInputs& inputs) : inputs_(inputs) {}
+    explicit JudgedViews(const EditingInputs& inputs) : inputs_(inputs) {}
 
     EditMetrics measure(const EditFile& edit, const Reporter& reporter) {
         if (views_.empty()) prepare(reporter);
@@ -54,9 +54,10 @@ int usual_iterations(const EditSpec& spec) {
     return spec.planned_iterations() > 0 ? spec.planned_iterations() : spec.nominal_iterations;
 }
 
-class Trials {
+class EditingTrials {
   public:
-    explicit Trials(const EditingInputs& inputs) : inputs_(inputs), views_(std::make_shared<Views>(inputs)) {
+    explicit EditingTrials(const EditingInputs& inputs)
+        : inputs_(inputs), views_(std::make_shared<JudgedViews>(inputs)) {
         // The edit was trained for minutes or a number of steps; here the steps are what is compared.
         inputs_.spec.iterations = usual_iterations(inputs.spec);
         inputs_.spec.minutes = 0;
@@ -76,7 +77,7 @@ class Trials {
     std::vector<Trial> list;
 
   private:
-    static Json run(const EditingInputs& inputs, Views& views, const EditSpec& spec, std::size_t guide,
+    static Json run(const EditingInputs& inputs, JudgedViews& views, const EditSpec& spec, std::size_t guide,
                     const Reporter& reporter) {
         EditInputs edit = inputs.base;
         edit.guide = inputs.guides.at(guide).second();
@@ -89,13 +90,13 @@ class Trials {
     }
 
     EditingInputs inputs_;
-    std::shared_ptr<Views> views_;
+    std::shared_ptr<JudgedViews> views_;
 };
 
 }  // namespace
 
 std::vector<Trial> editing_trials(const EditingInputs& inputs) {
-    Trials trials(inputs);
+    EditingTrials trials(inputs);
     const EditSpec usual = trials.usual();
     const int iterations = usual.iterations;
     trials.add(

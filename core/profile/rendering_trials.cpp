@@ -15,9 +15,9 @@ struct Setting {
 };
 
 // The cameras' pictures as good as they get, drawn when they are first asked for.
-class Reference {
+class ConvergedPictures {
   public:
-    explicit Reference(const RenderingInputs& inputs) : inputs_(inputs) {}
+    explicit ConvergedPictures(const RenderingInputs& inputs) : inputs_(inputs) {}
     const std::vector<Tensor>& pictures();
 
   private:
@@ -43,7 +43,7 @@ TimedPictures draw(const RenderingInputs& inputs, const Setting& setting) {
     return draw_views(other, inputs.stack, inputs.cameras, options, setting.scale);
 }
 
-const std::vector<Tensor>& Reference::pictures() {
+const std::vector<Tensor>& ConvergedPictures::pictures() {
     if (pictures_.empty()) {
         Setting converged;
         converged.steps = 8 * converged.steps;
@@ -54,9 +54,10 @@ const std::vector<Tensor>& Reference::pictures() {
     return pictures_;
 }
 
-class Trials {
+class RenderingTrials {
   public:
-    explicit Trials(const RenderingInputs& inputs) : inputs_(inputs), reference_(std::make_shared<Reference>(inputs)) {}
+    explicit RenderingTrials(const RenderingInputs& inputs)
+        : inputs_(inputs), reference_(std::make_shared<ConvergedPictures>(inputs)) {}
 
     void add(const std::string& knob, const std::string& value, const Setting& setting, bool usual = false) {
         list.push_back({"rendering", knob, value, usual, inputs_.repeats,
@@ -76,7 +77,7 @@ class Trials {
 
   private:
     const RenderingInputs inputs_;
-    const std::shared_ptr<Reference> reference_;
+    const std::shared_ptr<ConvergedPictures> reference_;
 };
 
 std::string step_name(int steps) {
@@ -86,7 +87,7 @@ std::string step_name(int steps) {
 }  // namespace
 
 std::vector<Trial> rendering_trials(const RenderingInputs& inputs) {
-    Trials trials(inputs);
+    RenderingTrials trials(inputs);
     const Setting usual;
     trials.add("step, of the diagonal", step_name(usual.steps), usual, true);
     for (const int steps : {128, 256, 512, 2048, 4096}) {

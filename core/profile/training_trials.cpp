@@ -6,9 +6,9 @@ namespace fieldgraft {
 namespace {
 
 // What all trials share: the images as training reads them, the test views, and how far the usual setting gets.
-class Runs {
+class TrainingRuns {
   public:
-    explicit Runs(const TrainingInputs& inputs) : inputs_(inputs), data_(training_data_of(*inputs.scene)) {
+    explicit TrainingRuns(const TrainingInputs& inputs) : inputs_(inputs), data_(training_data_of(*inputs.scene)) {
         for (const View& view : inputs.views) {
             cameras_.push_back(view.camera);
             expected_.push_back(over_background(inputs.scene->image(view), torch::ones({3})));
@@ -60,7 +60,7 @@ class Runs {
 }  // namespace
 
 std::vector<Trial> training_trials(const TrainingInputs& inputs) {
-    const auto runs = std::make_shared<Runs>(inputs);
+    const auto runs = std::make_shared<TrainingRuns>(inputs);
     const HashFieldConfig usual = runs->usual_config();
     std::vector<Trial> trials;
     trials.push_back(

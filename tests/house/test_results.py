@@ -75,6 +75,8 @@ def test_the_page_shows_the_figures_of_the_file() -> None:
     assert results_page.filled(page, report) == page, "run `python bench/results_page.py`"
     speed_page, speed = results_page.SPEED_PAGE.read_text(), results_page.speed_report()
     assert results_page.filled(speed_page, speed) == speed_page, "run `python bench/results_page.py`"
+    accuracy_page, accuracy = results_page.ACCURACY_PAGE.read_text(), results_page.accuracy_report()
+    assert results_page.filled(accuracy_page, accuracy) == accuracy_page, "run `python bench/results_page.py`"
     speed["speed"]["render"]["seconds_a_view"]["median"] += 1
     assert results_page.filled(speed_page, speed) != speed_page
     other = json.loads(results_page.FIGURES.read_text())

@@ -180,7 +180,7 @@ def test_muon_steps_are_nearly_orthogonal_and_descend() -> None:
     weight = nn.Conv2d(8, 16, 3, bias=False).weight
     target = torch.randn_like(weight)
     optimiser = Muon([weight], lr=0.02)
-    first = float((weight - target).square().mean())
+    first = float((weight - target).detach().square().mean())
     for _ in range(300):
         optimiser.zero_grad()
         (weight - target).square().mean().backward()
