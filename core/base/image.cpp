@@ -111,7 +111,10 @@ Tensor apply_taps(const Tensor& input, const std::vector<Taps>& taps) {
 
 }  // namespace
 
-Tensor read_image(const fs::path& path) {
+namespace {
+
+// uint8 or float32, as the decoders give it.
+Tensor read_values(const fs::path& path) {
     const auto file = open_file(path, "rb");
     switch (detect(file.get(), path)) {
         case Format::png:
@@ -121,6 +124,22 @@ Tensor read_image(const fs::path& path) {
         default:
             return codecs::read_exr(path.string());
     }
+}
+
+}  // namespace
+
+Tensor read_image(const fs::path& path) {
+    const Tensor image = read_values(path);
+    return image.scalar_type() == at::kByte ? image.to(at::kFloat).div_(255.0f) : image;
+}
+
+Tensor read_bytes(const fs::path& path) {
+    const Tensor image = read_values(path);
+    return image.scalar_type() == at::kByte ? image : to_bytes(image);
+}
+
+Tensor to_bytes(const Tensor& image) {
+    return (image.clamp(0, 1) * 255.0f).round().to(at::kByte).contiguous();
 }
 
 std::array<int, 3> image_size(const fs::path& path) {
@@ -139,7 +158,7 @@ void write_png(const fs::path& path, const Tensor& image) {
     const Tensor pixels = writable(image, path);
     if (!at::isfinite(pixels).all().item<bool>())
         throw std::invalid_argument(fmt::format("{}: the image holds NaN or infinite values", path.string()));
-    const Tensor bytes = (pixels.clamp(0, 1) * 255.0f).round().to(at::kByte).contiguous();
+    const Tensor bytes = to_bytes(pixels);
     write_atomically(path, [&](const fs::path& temporary) {
         auto file = open_file(temporary, "wb");
         codecs::write_png(file.get(), path.string(), bytes);

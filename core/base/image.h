@@ -11,6 +11,10 @@ namespace fieldgraft {
 // H×W×3 or H×W×4 (grey becomes RGB, grey+alpha RGBA; 8 and 16 bit PNG, JPEG, EXR). Throws InputError: missing, unknown
 // format, truncated or corrupt (a PNG or JPEG that ends early is an error, not a half-grey picture).
 Tensor read_image(const std::filesystem::path& path);
+// The same as uint8, [0, 1] being 0 to 255: what PNG and JPEG with 8 bits a channel hold, others rounded and clamped.
+Tensor read_bytes(const std::filesystem::path& path);
+// float32 in [0, 1] → uint8, rounded and clamped.
+Tensor to_bytes(const Tensor& image);
 // Only the size {height, width, channels}, from the header.
 std::array<int, 3> image_size(const std::filesystem::path& path);
 

@@ -1,5 +1,6 @@
 // The three file formats behind image.h, one source file each. A decoder gets an open file that begins with its magic
-// number and gives float32 H×W×3 or H×W×4 as image.h describes; `where` is the path for the messages.
+// number and gives H×W×3 or H×W×4: uint8 where the file holds 8 bits a channel, else float32 as image.h describes;
+// `where` is the path for the messages.
 // Every decoder throws InputError for a damaged or truncated file.
 #pragma once
 

@@ -87,7 +87,7 @@ Tensor read_jpeg(std::FILE* file, const std::string& where) {
     check_size(where, width, height);
     Tensor pixels = at::empty({height, width, 3}, at::kByte);
     if (!read_rows(handle, pixels.data_ptr<std::uint8_t>())) bad(handle, where);
-    return pixels.to(at::kFloat).div_(255.0f);
+    return pixels;
 }
 
 }  // namespace fieldgraft::codecs

@@ -109,17 +109,18 @@ Tensor read_png(std::FILE* file, const std::string& where) {
     const std::int64_t channels = png_get_channels(handle.png, handle.info);
     const bool deep = png_get_bit_depth(handle.png, handle.info) == 16;
     const std::size_t stride = png_get_rowbytes(handle.png, handle.info);
-    std::vector<png_byte> raw(stride * static_cast<std::size_t>(height));
+    Tensor image = at::empty({height, width, channels}, deep ? at::kUInt16 : at::kByte);
     std::vector<png_bytep> rows;
-    for (std::int64_t y = 0; y < height; ++y) rows.push_back(raw.data() + y * stride);
+    for (std::int64_t y = 0; y < height; ++y)
+        rows.push_back(static_cast<png_bytep>(image.mutable_data_ptr()) + y * stride);
     if (!read_rows(handle, rows.data())) bad(handle, where);
+    if (!deep) return image;
 
-    Tensor image = at::empty({height, width, channels}, at::kFloat);
-    float* out = image.data_ptr<float>();
-    const auto* narrow = raw.data();
-    const auto* wide = reinterpret_cast<const png_uint_16*>(raw.data());
-    for (std::int64_t i = 0; i < image.numel(); ++i) out[i] = deep ? wide[i] / 65535.0f : narrow[i] / 255.0f;
-    return image;
+    Tensor values = at::empty({height, width, channels}, at::kFloat);
+    const auto* wide = static_cast<const png_uint_16*>(image.const_data_ptr());
+    float* out = values.mutable_data_ptr<float>();
+    for (std::int64_t i = 0; i < values.numel(); ++i) out[i] = wide[i] / 65535.0f;
+    return values;
 }
 
 void write_png(std::FILE* file, const std::string& where, const Tensor& pixels) {

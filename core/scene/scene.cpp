@@ -78,13 +78,9 @@ Tensor display_values(const Tensor& linear) {
     return linear.size(2) == 4 ? at::cat({color, linear.narrow(2, 3, 1)}, 2) : color;
 }
 
-Tensor to_bytes(const Tensor& image) {
-    return (image.clamp(0, 1) * 255.0f).round().to(at::kByte).contiguous();
-}
-
-Tensor with_channels(const Tensor& image, bool alpha) {
-    if (!alpha || image.size(2) == 4) return image;
-    return at::cat({image, at::ones({image.size(0), image.size(1), 1}, at::kFloat)}, 2);
+Tensor with_channels(const Tensor& bytes, bool alpha) {
+    if (!alpha || bytes.size(2) == 4) return bytes;
+    return at::cat({bytes, at::full({bytes.size(0), bytes.size(1), 1}, 255, at::kByte)}, 2);
 }
 
 std::string short_name(const View& view) {
@@ -174,7 +170,7 @@ Scene Scene::from_images(std::vector<Camera> cameras, const std::vector<Tensor>&
     scene.finish();
     for (std::size_t i = 0; i < images.size(); ++i)
         scene.cache_->pixels[i] =
-            to_bytes(with_channels(images[i].detach().to(at::kCPU, at::kFloat), scene.has_alpha_));
+            with_channels(to_bytes(images[i].detach().to(at::kCPU, at::kFloat)), scene.has_alpha_);
     return scene;
 }
 
@@ -246,14 +242,21 @@ Tensor Scene::pixels(const View& view) const {
 
 Tensor Scene::decoded(const View& view) const {
     const View& own = views_.at(view.index);
-    if (own.image.empty()) return pixels(own);  // a scene out of memory
-    Tensor image = read_image(own.image);
+    if (own.image.empty()) return pixels(own).clone();  // a scene out of memory
     std::string extension = own.image.extension().string();
     std::transform(extension.begin(), extension.end(), extension.begin(),
                    [](unsigned char c) { return std::tolower(c); });
-    if (extension == ".exr") image = display_values(image);
-    image = resize_image(image, own.camera.height, own.camera.width);
-    return to_bytes(with_channels(image, has_alpha_));
+    Tensor image;
+    if (extension == ".exr") {
+        image = display_values(read_image(own.image));
+    } else {
+        // Bytes stay bytes where they can: floats of a large image are many times its size.
+        const Tensor bytes = read_bytes(own.image);
+        if (bytes.size(0) == own.camera.height && bytes.size(1) == own.camera.width)
+            return with_channels(bytes, has_alpha_);
+        image = bytes.to(at::kFloat).div_(255.0f);
+    }
+    return with_channels(to_bytes(resize_image(image, own.camera.height, own.camera.width)), has_alpha_);
 }
 
 Tensor Scene::image(const View& view) const {

@@ -55,7 +55,14 @@ std::size_t ImageStream::image_at(std::int64_t j) {
 void ImageStream::put(std::int64_t j, Image image) {
     const std::size_t place = static_cast<std::size_t>(j) % window_;
     shown_.cameras[place] = cameras_[image_at(j)];
-    shown_.pixels[place] = image.pixels.contiguous();
+    // Into the memory of the image that leaves, if it fits: pieces given back and taken anew by turns leave gaps.
+    Tensor& pixels = shown_.pixels[place];
+    if (pixels.defined() && pixels.sizes() == image.pixels.sizes() &&
+        pixels.scalar_type() == image.pixels.scalar_type()) {
+        pixels.copy_(image.pixels);
+    } else {
+        pixels = image.pixels.contiguous();
+    }
     shown_.masks[place] = image.mask;
     check_image(shown_, place);
     usable_[place] = !image.mask.defined() || image.mask.any().item<bool>();

@@ -32,7 +32,8 @@ class ImageStream {
     struct Image {
         Tensor pixels, mask;
     };
-    using Load = std::function<Image(std::size_t)>;  // by number among the cameras; called from several threads
+    // By number among the cameras; called from several threads. What it gives is the stream's to keep and to write into.
+    using Load = std::function<Image(std::size_t)>;
 
     // 1 ≤ window ≤ the number of cameras.
     ImageStream(std::vector<Camera> cameras, Load load, std::size_t window, std::uint64_t seed);

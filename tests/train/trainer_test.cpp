@@ -139,7 +139,8 @@ TrainingData streamed_ball() {
     TrainingData data = ball_data();
     const auto images = std::make_shared<ImageSet>(std::move(data.train));
     data.train = {images->cameras, {}, {}};
-    const auto load = [images](std::size_t i) { return ImageStream::Image{images->pixels[i], images->masks[i]}; };
+    const auto load = [images](std::size_t i) { return ImageStream::Image{images->pixels[i].clone(), images->masks[i]};
+    };
     data.stream = std::make_shared<ImageStream>(images->cameras, load, 2, 7);
     return data;
 }
