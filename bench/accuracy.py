@@ -1,7 +1,7 @@
 """What accuracy costs in time on a scene: runs `fieldgraft profile` over all four sweeps, and Cycles over a bake, and
 writes the page.
 
-    ./dev accuracy --scene DIR --field FIELD.safetensors --edit EDIT.safetensors [--minutes M] [--page-only]
+    ./dev accuracy --scene DIR --field FIELD.safetensors --edit EDIT.safetensors [--minutes M] [--parts …] [--page-only]
 
 Points that the work folder holds already are not measured again. Writes docs/results/accuracy.json, the charts beside
 it and the tables of docs/accuracy-and-time.md.
@@ -30,7 +30,7 @@ CHARTS = ("training_psnr", "rendering_psnr", "editing_mp_clip", "editing_d_l1_ou
 
 def profile(args: argparse.Namespace, name: str, *command: Any) -> dict[str, Any]:
     folder = args.work / name
-    if not args.page_only:
+    if name in args.parts:
         resume = ["--resume"] if (folder / "points.json").exists() else []
         full = [args.program, "profile", *command, "-o", folder, *resume]
         if subprocess.run([str(c) for c in full]).returncode != 0:
@@ -73,7 +73,7 @@ class CyclesSweep:
         points = json.loads(file.read_text()) if file.exists() else []
         trials = [("step rate, of a voxel", "step_rate", self.USUAL["step_rate"]), *self.TURNED]
         for knob, key, value in trials:
-            if self.args.page_only or any((p["knob"], p["value"]) == (knob, str(value)) for p in points):
+            if "cycles" not in self.args.parts or any((p["knob"], p["value"]) == (knob, str(value)) for p in points):
                 continue
             self.work.mkdir(parents=True, exist_ok=True)
             figures = self.measure(**(self.USUAL | {key: value}))
@@ -101,8 +101,10 @@ def main() -> None:
     parser.add_argument("--work", type=Path, default=ROOT / "build" / "accuracy")
     parser.add_argument("--minutes", type=float, default=0.5, help="of training in its usual setting")
     parser.add_argument("--blender", default="blender")
+    parser.add_argument("--parts", default="field,edit,scene,cycles", help="to measure; the others as they were left")
     parser.add_argument("--page-only", action="store_true", help="only write the page from the work folder")
     args = parser.parse_args()
+    args.parts = [] if args.page_only else args.parts.split(",")
     profiles = [
         profile(args, "field", args.field, "--scene", args.scene, "--sweeps", "rendering,baking"),
         profile(args, "edit", args.field, args.edit, "--scene", args.scene, "--sweeps", "editing"),

@@ -1,41 +1,45 @@
 """The same training step in plain PyTorch, as the reference that our kernels' speed is told by.
 
-Same network as HashFieldConfig (16 levels of two features, density MLP 32-64-16, colour MLP 32-64-64-3 without biases,
-spherical harmonics of degree 4), same number of samples a step, Adam over all parameters. The hash encoding is written
-with tensor operations over all levels and corners at once, as nerfstudio's own CPU path (`implementation="torch"`) does
-it. Samples are given, as marching is not what is compared: rays of 16 samples each through the unit cube.
+Same network as a field's configuration says (levels, features, table, widths; no biases, spherical harmonics of degree
+4), same number of samples a step, Adam over all parameters. The hash encoding is written with tensor operations over
+all levels and corners at once, as nerfstudio's own CPU path (`implementation="torch"`) does it. Samples are given, as
+marching is not what is compared: rays of 16 samples each through the unit cube.
 """
 
 from __future__ import annotations
 
 import statistics
 import time
+from typing import Any
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional as F
 
-LEVELS, FEATURES, BASE, FINEST = 16, 2, 16, 1024
 PRIMES = (1, 2654435761, 805459861)
 SAMPLES_A_RAY = 16
 
 
 class EagerField(nn.Module):
-    def __init__(self, log2_table_size: int) -> None:
+    def __init__(self, config: dict[str, Any]) -> None:
+        """config: as `fieldgraft info` shows it."""
         super().__init__()
-        growth = (FINEST / BASE) ** (1 / (LEVELS - 1))
-        self.register_buffer("scales", torch.tensor([float(int(BASE * growth**i + 0.5)) for i in range(LEVELS)]))
-        self.size = 1 << log2_table_size
-        self.table = nn.Parameter(torch.empty(LEVELS * self.size, FEATURES).uniform_(-1e-4, 1e-4))
-        linear = [(LEVELS * FEATURES, 64), (64, 16), (32, 64), (64, 64), (64, 3)]
+        levels, features = config["levels"], config["features_per_level"]
+        base, finest = config["base_resolution"], config["finest_resolution"]
+        growth = (finest / base) ** (1 / (levels - 1))
+        self.register_buffer("scales", torch.tensor([float(int(base * growth**i + 0.5)) for i in range(levels)]))
+        self.size = 1 << config["log2_table_size"]
+        self.table = nn.Parameter(torch.empty(levels * self.size, features).uniform_(-1e-4, 1e-4))
+        density, color, size = config["density_hidden"], config["color_hidden"], config["feature_size"]
+        linear = [(levels * features, density), (density, size), (16 + size, color), (color, color), (color, 3)]
         self.layers = nn.ModuleList(nn.Linear(i, o, bias=False) for i, o in linear)
 
     def encode(self, x: Tensor) -> Tensor:
-        """N×3 in the unit cube → N×32."""
+        """N×3 in the unit cube → N×(levels·features)."""
         scaled = x[:, None] * self.scales[:, None]  # N×L×3
         lower = scaled.floor()
         part, cell = scaled - lower, lower.long()
-        offset = torch.arange(LEVELS) * self.size
+        offset = torch.arange(len(self.scales)) * self.size
         out = 0
         for corner in range(8):
             bits = torch.tensor([corner >> c & 1 for c in range(3)])
@@ -62,11 +66,11 @@ def step_loss(field: EagerField, x: Tensor, basis: Tensor, target: Tensor, delta
     return F.mse_loss(shown, target)
 
 
-def microseconds_a_sample(threads: int, log2_table_size: int, samples: int = 1 << 15, steps: int = 5) -> dict:
+def microseconds_a_sample(threads: int, config: dict[str, Any], samples: int = 1 << 15, steps: int = 5) -> dict:
     """Median, fastest and slowest of `steps` training steps after one that is not counted."""
     torch.set_num_threads(threads)
     torch.manual_seed(0)
-    field = EagerField(log2_table_size)
+    field = EagerField(config)
     adam = torch.optim.Adam(field.parameters(), lr=1e-2, betas=(0.9, 0.99), eps=1e-15)
     rays = samples // SAMPLES_A_RAY
     start, aim = torch.rand(rays, 1, 3) * 0.6 + 0.2, F.normalize(torch.randn(rays, 1, 3), dim=-1)

@@ -1,6 +1,6 @@
 // Times of the kernels on samples of the size training has, beside what the machine can do.
 //
-//   kernel_bench [--table LOG2] [--threads N] [--seconds S]
+//   kernel_bench [--table LOG2] [--levels L] [--features F] [--hidden H] [--threads N] [--seconds S]
 //
 // Samples lie on rays of 16, as far apart as in the long steps that training starts with. One JSON object: for each
 // kernel nanoseconds of a thread a sample (median and least of the repeats) and, where its work is products, GFLOP/s of
@@ -31,7 +31,8 @@ using Json = nlohmann::ordered_json;
 constexpr std::size_t samples = 8192, rays = 512;
 
 struct Options {
-    int log2_table_size = 17, threads = 1;
+    int log2_table_size = 17, levels = 8, features = 4, threads = 1;
+    int hidden = 64;  // width of the networks' hidden layers, a multiple of 16
     double seconds = 0.3;
 };
 
@@ -97,8 +98,8 @@ struct Grid {
     HashGrid grid;
     std::vector<float> table;
     explicit Grid(const Options& o)
-        : grid(make_hash_grid(16, 2, o.log2_table_size, 16, 1024)),
-          table(numbers(grid.entries * 2, -1e-2f, 1e-2f, 5)) {}
+        : grid(make_hash_grid(o.levels, o.features, o.log2_table_size, 16, 1024)),
+          table(numbers(grid.entries * o.features, -1e-2f, 1e-2f, 5)) {}
 };
 
 // Sixteen numbers, in as many registers as the machine that builds needs for them.
@@ -122,24 +123,27 @@ double fused_multiply_adds() {
 }
 
 void add_networks(const Options& o, Precision precision, const std::string& name, Json& out) {
-    const FieldMlpShape shape;
+    FieldMlpShape shape;
+    shape.hidden = shape.color_hidden = o.hidden;
     struct State {
+        std::size_t hidden;
         FieldMlpWeights weights;
         FieldMlpGradients gradients;
         std::vector<float> encoded, features, base, hidden0, hidden1, color, color_grad, base_grad, features_grad,
             encoded_grad;
         std::vector<std::int32_t> ray;
         State(const FieldMlpShape& s, Precision p, int i)
-            : weights(s, p),
+            : hidden(s.hidden),
+              weights(s, p),
               gradients(s),
               encoded(numbers(samples * 32, -1, 1, 7 + i)),
               features(samples * 16),
-              base(numbers(rays * 64, -1, 1, 9)),
-              hidden0(samples * 64),
-              hidden1(samples * 64),
+              base(numbers(rays * hidden, -1, 1, 9)),
+              hidden0(samples * hidden),
+              hidden1(samples * hidden),
               color(samples * 3),
               color_grad(numbers(samples * 3, -1, 1, 11)),
-              base_grad(rays * 64),
+              base_grad(rays * hidden),
               features_grad(samples * 16),
               encoded_grad(samples * 32),
               ray(samples) {
@@ -160,7 +164,7 @@ void add_networks(const Options& o, Precision precision, const std::string& name
         out[name + what] = row(t, samples, flops);
     };
     constexpr int n = 1024;
-    constexpr double density = 2 * (32 * 64 + 64 * 16), color = 2 * (16 * 64 + 64 * 64 + 64 * 3);
+    const double h = o.hidden, density = 2 * (32 * h + h * 16), color = 2 * (16 * h + h * h + h * 3);
     time("density_forward", density, [](State& s, std::size_t f) {
         density_mlp_forward(s.weights, s.encoded.data() + f * 32, n, s.features.data() + f * 16);
     });
@@ -170,11 +174,11 @@ void add_networks(const Options& o, Precision precision, const std::string& name
     });
     time("color_forward", color, [](State& s, std::size_t f) {
         color_mlp_forward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.base.data(), n,
-                          s.hidden0.data() + f * 64, s.hidden1.data() + f * 64, s.color.data() + f * 3);
+                          s.hidden0.data() + f * s.hidden, s.hidden1.data() + f * s.hidden, s.color.data() + f * 3);
     });
     time("color_backward", 2 * color, [](State& s, std::size_t f) {
-        color_mlp_backward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.hidden0.data() + f * 64,
-                           s.hidden1.data() + f * 64, s.color.data() + f * 3, s.color_grad.data() + f * 3, n,
+        color_mlp_backward(s.weights, s.features.data() + f * 16, s.ray.data() + f, s.hidden0.data() + f * s.hidden,
+                           s.hidden1.data() + f * s.hidden, s.color.data() + f * 3, s.color_grad.data() + f * 3, n,
                            s.gradients, s.base_grad.data(), s.features_grad.data() + f * 16);
     });
 }
@@ -208,10 +212,11 @@ Json measure(const Options& o) {
                       auto e = std::make_shared<std::vector<float>>(numbers(samples * width, -1, 1, 3));
                       auto g = std::make_shared<std::vector<float>>(grid->table.size());
                       return [=] {
-                          const HashGridRows part{p->data(), e->data(), samples, 2, samples * 2};
+                          const std::size_t f = static_cast<std::size_t>(grid->grid.features);
+                          const HashGridRows part{p->data(), e->data(), samples, f, samples * f};
                           for (std::size_t l = 0; l < grid->grid.levels.size(); ++l)
                               hash_grid_add_gradient(grid->grid, static_cast<int>(l), {&part, 1},
-                                                     g->data() + 2 * grid->grid.levels[l].offset);
+                                                     g->data() + f * grid->grid.levels[l].offset);
                       };
                   }),
             samples, 0);
@@ -247,6 +252,12 @@ int main(int count, char** arguments) {
         const double value = std::atof(arguments[i + 1]);
         if (name == "--table")
             options.log2_table_size = static_cast<int>(value);
+        else if (name == "--levels")
+            options.levels = static_cast<int>(value);
+        else if (name == "--features")
+            options.features = static_cast<int>(value);
+        else if (name == "--hidden")
+            options.hidden = static_cast<int>(value);
         else if (name == "--threads")
             options.threads = static_cast<int>(value);
         else if (name == "--seconds")

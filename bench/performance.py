@@ -22,15 +22,19 @@ import eager
 import many_images
 import random_clip
 import results_page
+from growth import Growth
 from run import commit, done_event, gemm_gflops
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "docs" / "results" / "performance.json"
 
-# Products of one sample, forward and backward: every weight is used three times (value, gradient of the input and of
-# the weight), two operations each.
-WEIGHTS = {"density": 32 * 64 + 64 * 16, "colour": 16 * 64 + 64 * 64 + 64 * 3}
-FLOPS_A_SAMPLE = 3 * 2 * sum(WEIGHTS.values())
+
+def flops_a_sample(config: dict[str, Any]) -> int:
+    """Products of one sample, forward and backward: every weight is used three times (value, gradient of the input and
+    of the weight), two operations each. The direction's part is computed once a ray."""
+    density, color, size = config["density_hidden"], config["color_hidden"], config["feature_size"]
+    density_weights = config["levels"] * config["features_per_level"] * density + density * size
+    return 3 * 2 * (density_weights + size * color + color * color + color * 3)
 
 
 def spread(values: list[float], digits: int = 3) -> dict[str, float]:
@@ -45,6 +49,9 @@ class Performance:
 
     def run(self, *command: Any) -> dict[str, Any]:
         return done_event([self.program, *command])
+
+    def config(self, field: Path) -> dict[str, Any]:
+        return self.run("info", field)["files"][0]["config"]
 
     def save(self) -> None:
         self.report["commit"] = commit()
@@ -62,12 +69,16 @@ class Performance:
         }
 
     def kernels(self) -> None:
-        command = [self.program.parent / "kernel_bench", "--threads", str(self.args.threads), "--seconds", "1"]
+        config = self.config(self.args.field)
+        command = [self.program.parent / "kernel_bench", "--threads", self.args.threads, "--seconds", "1"]
+        command += ["--levels", config["levels"], "--features", config["features_per_level"]]
+        command += ["--table", config["log2_table_size"], "--hidden", config["color_hidden"]]
         done = subprocess.run([str(c) for c in command], stdout=subprocess.PIPE, check=True)
         # Kernels' rates are a thread's, all threads at work; the GEMM's is all threads' together.
         self.report["kernels"] = json.loads(done.stdout)
         self.report["networks"] = {
-            "flops_a_sample": FLOPS_A_SAMPLE,
+            "config": config,
+            "flops_a_sample": flops_a_sample(config),
             "gemm_float32": gemm_gflops(self.args.threads),
             "ns_of_a_thread_a_sample": {
                 p: sum(k["ns"] for name, k in self.report["kernels"].items() if name.startswith(p))
@@ -88,9 +99,11 @@ class Performance:
                 for precision, found in each.items():
                     done = self.train(folder, "--threads", self.args.threads, "--precision", precision)
                     found.append(done["seconds"] / done["samples"] * 1e6)
-        plain = eager.microseconds_a_sample(self.args.threads, 16)
+            config = self.config(Path(folder) / "f.safetensors")
+        plain = eager.microseconds_a_sample(self.args.threads, config)
         self.report["training"] = {
-            "flops_a_sample": FLOPS_A_SAMPLE,
+            "config": config,
+            "flops_a_sample": flops_a_sample(config),
             "gemm_float32": gemm_gflops(self.args.threads),
             "pytorch_eager_microseconds_a_sample": plain,
             "microseconds_a_sample": {p: spread(v) for p, v in each.items()},
@@ -163,6 +176,11 @@ class Performance:
                     "seconds_an_iteration": round(done["seconds"] / done["iterations"], 4),
                     "psnr": round(done["psnr"], 2),
                 }
+
+    def growth(self) -> None:
+        """Time and memory against what a user can turn up."""
+        args = self.args
+        self.report["growth"] = Growth(args.program, args.scene, args.field, args.edit, args.threads).measure()
 
     def bake(self) -> None:
         files = [self.args.field] + ([self.args.edit] if self.args.edit else [])

@@ -201,6 +201,27 @@ def speed_table(report: dict[str, Any]) -> str:
     return table(["what", "measured", "at least / aim"], rows)
 
 
+# What each part of the growth table turns, and what a row's value counts.
+GROWTH = {
+    "samples": "training, samples an iteration",
+    "table": "training, table entries a level, log₂",
+    "width": "training, width of the networks",
+    "drawing": "a view of 400×400 × the square of",
+    "baking": "a bake, voxels an edge",
+}
+
+
+def growth_table(growth: dict[str, list[dict[str, Any]]]) -> str:
+    rows = []
+    for part, what in GROWTH.items():
+        for g in growth[part]:
+            seconds = g["ms_an_iteration"] / 1000 if "ms_an_iteration" in g else g["seconds"]
+            each = number(g.get("microseconds_a_sample"), 2)
+            rows.append([what, f"{g['value']:,}", f"{seconds:.3g}", each, number(g.get("file_mib"), 1)])
+            rows[-1].append(f"{g['peak_mib']:,}")
+    return table(["what", "of it", "seconds", "µs a sample", "file, MiB", "memory, MiB"], rows)
+
+
 # The figures of each sweep's table: name, heading, digits.
 SWEEP_FIGURES = {
     "training": [("psnr", "PSNR, dB", 2), ("iterations", "iterations", 0), ("seconds_per_view", "seconds a view", 2)],
@@ -242,6 +263,7 @@ MAKERS = {
     "machine": machine_table,
     "kernels": kernel_table,
     "speed": speed_table,
+    "growth": growth_table,
     "accuracy machine": accuracy_machine,
 } | {sweep: partial(sweep_table, sweep) for sweep in SWEEP_FIGURES}
 
@@ -259,7 +281,8 @@ def filled(page: str, report: dict[str, Any]) -> str:
 def speed_report() -> dict[str, Any]:
     """The performance figures; `speed` is made of several of them."""
     report = json.loads(SPEED_FIGURES.read_text(encoding="utf-8"))
-    return {"machine": report["machine"], "kernels": report["kernels"], "speed": report}
+    made = {"machine": report["machine"], "kernels": report["kernels"], "speed": report}
+    return made | {"growth": report["growth"]} if "growth" in report else made
 
 
 def accuracy_report() -> dict[str, Any]:

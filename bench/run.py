@@ -71,11 +71,12 @@ def measure(program: Path, scene: Path, minutes: float, threads: int, work: Path
     keys = ("iterations", "samples", "seconds", "peak_mib")
     each = train["seconds"] / train["samples"] * 1e6
     config = done_event([program, "info", field])["files"][0]["config"]
-    plain = eager.microseconds_a_sample(threads, config["log2_table_size"])
+    plain = eager.microseconds_a_sample(threads, config)
     return {
         "minutes": minutes,
         **{k: train[k] for k in keys},
         "log2_table_size": config["log2_table_size"],
+        "hidden": config["color_hidden"],
         "microseconds_a_sample": round(each, 3),
         "pytorch_eager_microseconds_a_sample": plain,
         "times_faster_than_pytorch_eager": round(plain["median"] / each, 1),
@@ -93,7 +94,7 @@ def main() -> None:
     parser.add_argument("--page", action="store_true", help="measure what docs/performance.md shows")
     parser.add_argument("--field", type=Path, help="of the scene, for --page")
     parser.add_argument("--edit", type=Path, help="of that field, for --page")
-    parts = "kernels,training,scaling,render,edit,towers,bake,images"
+    parts = "kernels,training,scaling,render,edit,towers,bake,images,growth"
     parser.add_argument("--only", default=parts, help="parts of --page")
     parser.add_argument("--repeats", type=int, default=3, help="of every figure of --page")
     args = parser.parse_args()

@@ -4,8 +4,9 @@
 
 chair: turned legs and a checked cushion on a rug. plant: a pot with thin, bent, overlapping leaves. house: bricks,
 tiles, windows, a fence and trees. engine: a toy locomotive of shiny metal. Modelled by this script alone, within ±1.4
-of the origin, lit and seen like the demo scene; the pictures (RGBA, NeRF-synthetic form) are made where they are needed
-and not kept in the repository.
+of the origin, lit and seen like the demo scene (RGBA, NeRF-synthetic form). room: the demo's table in a room with
+cameras between it and the walls, as somebody would photograph it (opaque pictures, nerfstudio form). The pictures are
+made where they are needed and not kept in the repository.
 """
 
 from __future__ import annotations
@@ -113,7 +114,8 @@ def plant() -> None:
     rod("earth", 0.55, (0, 0, -0.33), (0, 0, -0.28), demo.material("earth", (0.05, 0.03, 0.02), 1.0), 0.55)
     greens = [demo.material(f"green {i}", (0.02 + 0.05 * i, 0.16 + 0.07 * i, 0.03), 0.45) for i in range(4)]
     for i in range(64):
-        made = leaf("leaf", chance.uniform(0.6, 1.15), chance.uniform(0.04, 0.09), chance.uniform(0.2, 1.1), greens[i % 4])
+        length, width, bend = chance.uniform(0.6, 1.15), chance.uniform(0.04, 0.09), chance.uniform(0.2, 1.1)
+        made = leaf("leaf", length, width, bend, greens[i % 4])
         made.location = (0.1 * math.cos(i), 0.1 * math.sin(i), -0.3)
         made.rotation_euler = (0.0, -chance.uniform(0.0, 0.7), i * 2.39996)
     red = demo.material("blossom", (0.7, 0.04, 0.2), 0.5)
@@ -150,13 +152,15 @@ def house() -> None:
         box("picket", (0.05, 0.05, 0.26), (1.22 * math.cos(a), 1.22 * math.sin(a), -0.68), white, 0.01)
     for i, (x, y) in enumerate([(-0.95, -0.45), (0.95, 0.4), (-0.85, 0.55)]):
         rod("trunk", 0.05, (x, y, -0.8), (x, y, -0.45), demo.wood())
+        green = demo.material("tree", (0.02, 0.1 + 0.04 * i, 0.03), 1.0)
         for k in range(3):
             z = -0.55 + 0.22 * k
-            rod("tree", 0.24 - 0.06 * k, (x, y, z), (x, y, z + 0.34), demo.material("tree", (0.02, 0.1 + 0.04 * i, 0.03), 1.0), 0.01)
+            rod("tree", 0.24 - 0.06 * k, (x, y, z), (x, y, z + 0.34), green, 0.01)
 
 
 def engine() -> None:
-    steel, black = demo.material("steel", (0.4, 0.42, 0.45), 0.25, 1.0), demo.material("black", (0.02, 0.02, 0.025), 0.3)
+    steel = demo.material("steel", (0.4, 0.42, 0.45), 0.25, 1.0)
+    black = demo.material("black", (0.02, 0.02, 0.025), 0.3)
     red, brass = demo.material("red", (0.55, 0.02, 0.02), 0.25), demo.material("brass", (0.8, 0.5, 0.12), 0.2, 1.0)
     blue, wood = demo.material("blue", (0.02, 0.08, 0.4), 0.2), demo.wood()
     for i in range(11):
@@ -183,7 +187,26 @@ def engine() -> None:
     box("buffer beam", (0.08, 0.9, 0.2), (1.1, 0, -0.38), red)
 
 
-SCENES: dict[str, Callable[[], None]] = {"chair": chair, "plant": plant, "house": house, "engine": engine}
+def room() -> None:
+    demo.model_objects()
+    floor = patterned("floor", "ShaderNodeTexChecker", [(0.35, 0.2, 0.1), (0.5, 0.42, 0.3)], 1.5)
+    wall = patterned("wall", "ShaderNodeTexBrick", [(0.5, 0.45, 0.35), (0.42, 0.4, 0.33), (0.25, 0.22, 0.2)], 1.2)
+    wood, chance = demo.wood(), random.Random(5)
+    rod("leg", 0.12, (0, 0, -1.6), (0, 0, -0.62), wood, 0.2)
+    box("floor", (9.0, 9.0, 0.1), (0, 0, -1.65), floor, 0.0)
+    box("ceiling", (9.0, 9.0, 0.1), (0, 0, 3.6), demo.material("white", (0.7, 0.7, 0.7), 1.0), 0.0)
+    for i, (x, y) in enumerate([(4.4, 0), (0, 4.4), (-4.4, 0), (0, -4.4)]):
+        size = (0.1, 9.0, 5.3) if i % 2 == 0 else (9.0, 0.1, 5.3)
+        box("wall", size, (x, y, 1.0), wall, 0.0)
+        for k in range(2):  # pictures on it
+            along, paint = 1.6 * (2 * k - 1), demo.material("paint", tuple(chance.random() for _ in range(3)), 0.6)
+            place = (0.97 * x, along, 0.9) if i % 2 == 0 else (along, 0.97 * y, 0.9)
+            box("picture", (0.06, 1.2, 0.9) if i % 2 == 0 else (1.2, 0.06, 0.9), place, paint)
+    box("cupboard", (1.0, 2.0, 1.8), (3.8, 2.4, -0.7), wood)
+    box("bench", (2.2, 0.7, 0.7), (-1.5, 3.9, -1.25), demo.material("red", (0.5, 0.06, 0.05), 0.7))
+
+
+SCENES: dict[str, Callable[[], None]] = {f.__name__: f for f in (chair, plant, house, engine, room)}
 
 
 def main() -> None:
@@ -204,11 +227,19 @@ def main() -> None:
     intrinsics = cameras.Intrinsics.from_angle_x(options.size, options.size, demo.ANGLE_X)
     counts = {"train": options.views, "val": options.views // 10, "test": options.views // 10}
     elevation = (math.radians(4.0), math.radians(80.0))
-    splits = cameras.hemisphere_views(counts, intrinsics, demo.RADIUS, (0.0, 0.0, -0.05), elevation)
+    radius = demo.RADIUS
+    if options.name == "room":
+        intrinsics = cameras.Intrinsics.from_angle_x(options.size, options.size, math.radians(60.0))
+        counts, elevation, radius = counts | {"val": 0}, (math.radians(8.0), math.radians(50.0)), 2.6
+    splits = cameras.hemisphere_views(counts, intrinsics, radius, (0.0, 0.0, -0.05), elevation)
     if options.preview:
         splits = {split: views[:: max(1, len(views) // 2)][:2] for split, views in splits.items()}
     for done, total in dataset.render_steps(bpy.context.scene, options.out, splits, keep_existing=True):
         print(f"{done} of {total} pictures", flush=True)
+    if options.name == "room":
+        cameras.write_json(options.out / "transforms.json", cameras.nerfstudio_transforms(splits))
+        for split in splits:
+            (options.out / f"transforms_{split}.json").unlink()
 
 
 if __name__ == "__main__":

@@ -10,7 +10,7 @@ namespace {
 
 struct BakeArguments {
     std::vector<std::string> files;
-    std::string output;
+    std::string output, quality;
     BakeOptions bake;
     bool full_precision = false;
 };
@@ -19,6 +19,9 @@ void run_bake(const CommonOptions& common, BakeArguments options) {
     const Reporter reporter = console_reporter(common, "bake");
     const FieldWithEdits scene = load_field_and_edits(options.files, reporter);
     options.bake.half_precision = !options.full_precision;
+    // Points of the front in docs/accuracy-and-time.md.
+    if (!options.quality.empty())
+        options.bake.resolution = options.quality == "draft" ? 128 : options.quality == "preview" ? 256 : 384;
     const BakeReport report = bake(*scene.field, scene.edits, options.output, options.bake, reporter);
     print_done(common, {{"voxels", report.voxels},
                         {"bytes", report.bytes},
@@ -38,9 +41,13 @@ void add_bake(Program& program) {
     auto* resolution =
         app->add_option("--resolution", options->bake.resolution, "voxels along the longest edge of what there is")
             ->check(CLI::Range(8, 2048));
-    app->add_option("--voxel-size", options->bake.voxel_size, "voxel edge in the user's world")
-        ->check(CLI::PositiveNumber)
-        ->excludes(resolution);
+    auto* voxel_size = app->add_option("--voxel-size", options->bake.voxel_size, "voxel edge in the user's world")
+                           ->check(CLI::PositiveNumber)
+                           ->excludes(resolution);
+    app->add_option("--quality", options->quality, "draft, preview or final: 128, 256 or 384 voxels")
+        ->check(CLI::IsMember({"draft", "preview", "final"}))
+        ->excludes(resolution)
+        ->excludes(voxel_size);
     app->add_option("--threshold", options->bake.threshold,
                     "smallest optical depth that is kept, of 1/256 of the thing's edge")
         ->check(CLI::Range(0.0, 10.0));

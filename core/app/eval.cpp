@@ -17,8 +17,8 @@ struct EvalArguments {
     PictureOptions picture;
 };
 
-Tensor truth(const Scene& scene, const View& view, const PictureOptions& options, const Camera& size) {
-    const Tensor image = over_background(scene.image(view), background_color(options.background));
+Tensor truth(const Scene& scene, const View& view, const Tensor& background, const Camera& size) {
+    const Tensor image = over_background(scene.image(view), background);
     if (image.size(0) == size.height && image.size(1) == size.width) return image;
     return resize_image(image, size.height, size.width);
 }
@@ -47,14 +47,14 @@ Json evaluate_field(const FieldWithEdits& base, const Scene& scene, const std::v
                     const EvalArguments& options, const Reporter& reporter) {
     const FieldWithEdits field{base.field, {}};
     double psnr_sum = 0, ssim_sum = 0, seconds = 0;
+    const Tensor background = background_color(options.picture.background, field.field->geometry());
     const Stopwatch watch;
     for (std::size_t i = 0; i < views.size(); ++i) {
         const Stopwatch drawing;
-        const Tensor image =
-            with_background(draw_picture(field, views[i].camera, options.picture), options.picture.background);
+        const Tensor image = with_background(draw_picture(field, views[i].camera, options.picture), background);
         seconds += drawing.seconds();
         const Tensor drawn = image.clamp(0, 1);
-        const Tensor expected = truth(scene, views[i], options.picture, scaled(views[i].camera, options.picture.scale));
+        const Tensor expected = truth(scene, views[i], background, scaled(views[i].camera, options.picture.scale));
         psnr_sum += psnr(drawn, expected);
         ssim_sum += ssim(drawn, expected);
         report_progress(reporter, i + 1, views.size(), watch);
@@ -72,14 +72,14 @@ Json evaluate_edits(const FieldWithEdits& scene, const std::vector<View>& views,
     for (const std::string& argument : options.region_masks)
         masks.push_back(parse_view_file(argument, "--region-mask"));
     const FieldWithEdits plain{scene.field, {}};
+    const Tensor background = background_color(options.picture.background, scene.field->geometry());
     std::vector<EditedView> pairs;
     const Stopwatch watch;
     for (const View& view : views) {
         const Picture before = draw_picture(plain, view.camera, options.picture);
         const Picture after = draw_picture(scene, view.camera, options.picture);
-        EditedView pair{with_background(before, options.picture.background).clamp(0, 1),
-                        with_background(after, options.picture.background).clamp(0, 1), before.alpha > 0.5,
-                        region_of(masks, scaled(view.camera, options.picture.scale))};
+        EditedView pair{with_background(before, background).clamp(0, 1), with_background(after, background).clamp(0, 1),
+                        before.alpha > 0.5, region_of(masks, scaled(view.camera, options.picture.scale))};
         if (masks.empty() || pair.region.defined()) pairs.push_back(std::move(pair));
         report_progress(reporter, &view - views.data() + 1, views.size(), watch);
     }

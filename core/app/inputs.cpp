@@ -107,8 +107,12 @@ std::filesystem::path builtin_model(const std::string& name) {
                 name, program.string(), name);
 }
 
-Tensor background_color(const std::string& name) {
+Tensor background_color(const std::string& name, const FieldGeometry& geometry) {
     if (name == "transparent") return {};
+    if (name == "scene") {
+        const auto& b = geometry.background;
+        return torch::tensor({b[0], b[1], b[2]}, torch::kFloat);
+    }
     return torch::full({3}, name == "white" ? 1.0f : 0.0f);
 }
 

@@ -44,7 +44,7 @@ NamedFile parse_view_file(const std::string& argument, const std::string& flag);
 // the program's parent folders that has it. Throws InputError, naming what was looked at.
 std::filesystem::path builtin_model(const std::string& name);
 
-// "white" | "black" → 3 floats; "transparent" → an undefined tensor.
-Tensor background_color(const std::string& name);
+// "white" | "black" | "scene" (of the field's pictures) → 3 floats; "transparent" → an undefined tensor.
+Tensor background_color(const std::string& name, const FieldGeometry& geometry);
 
 }  // namespace fieldgraft::app

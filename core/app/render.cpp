@@ -52,12 +52,13 @@ void run_render(const CommonOptions& common, const RenderArguments& options) {
     const Reporter reporter = console_reporter(common, "render");
     const FieldWithEdits scene = load_field_and_edits(options.files, reporter);
     const std::vector<Camera> cameras = cameras_to_render(options, *scene.field, reporter);
+    const Tensor background = background_color(options.picture.background, scene.field->geometry());
     const Stopwatch watch;
     for (std::size_t i = 0; i < cameras.size(); ++i) {
         if (reporter.stop_requested()) throw Cancelled();
         const Picture picture = draw_picture(scene, cameras[i], options.picture);
         const std::filesystem::path stem = std::filesystem::path(options.output) / cameras[i].name;
-        const Tensor image = with_background(picture, options.picture.background);
+        const Tensor image = with_background(picture, background);
         write_png(stem.string() + ".png", image);
         write_exr(stem.string() + ".exr", image);
         if (options.maps) write_maps(stem, scene, picture);

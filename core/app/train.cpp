@@ -14,14 +14,26 @@ struct TrainArguments {
     TrainOptions train;
     double minutes = 0, downscale = 1, image_memory = static_cast<double>(usual_image_bytes) / (1ll << 30);
     std::int64_t iterations = 0;
+    int table = 0, levels = 0, width = 0;  // 0: as the time given asks for
     bool resume = false;
 };
+
+// What the budget would take, with what the user set instead.
+void set_field(TrainArguments& options) {
+    if (options.table == 0 && options.levels == 0 && options.width == 0) return;
+    HashFieldConfig config = options.train.field_config();
+    if (options.table > 0) config.log2_table_size = options.table;
+    if (options.levels > 0) config.levels = options.levels;
+    if (options.width > 0) config.density_hidden = config.color_hidden = options.width;
+    options.train.field = config;
+}
 
 void run_train(const CommonOptions& common, TrainArguments options) {
     if (options.backbone != "hash")
         input_error("--backbone {}: this version trains the hash backbone; use --backbone hash", options.backbone);
     if (options.minutes > 0) options.train.minutes = options.minutes;
     if (options.iterations > 0) options.train.iterations = options.iterations;
+    set_field(options);
     options.train.seed = common.seed;
     options.train.image_bytes = static_cast<std::int64_t>(options.image_memory * (1ll << 30));
     const Reporter reporter = console_reporter(common, "train");
@@ -63,6 +75,13 @@ void add_train(Program& program) {
     app->add_option("--precision", options->train.precision,
                     "of the networks while training: bfloat16 (where the machine is fast at it) or float32")
         ->check(CLI::IsMember({"bfloat16", "float32"}));
+    const std::string usual = " (default: by the time given; docs/accuracy-and-time.md)";
+    app->add_option("--table", options->table, "log₂ of the hash table's entries a level" + usual)
+        ->check(CLI::Range(10, 24));
+    app->add_option("--levels", options->levels, "of the encoding" + usual)->check(CLI::Range(1, 32));
+    app->add_option("--width", options->width, "of the networks' hidden layers" + usual)->check(CLI::Range(8, 256));
+    app->add_option("--samples", options->train.samples, "visible samples an iteration aims at")
+        ->check(CLI::Range(256, 1 << 24));
     app->add_option("--downscale", options->downscale, "reduce the images by this factor")
         ->check(CLI::Range(1.0, 64.0));
     app->add_option("--image-memory", options->image_memory, "GiB of training images in memory; more are streamed")

@@ -9,7 +9,9 @@ namespace fieldgraft::app {
 
 // --background, --compositing and what else a picture depends on.
 struct PictureOptions {
-    std::string background = "white", compositing = "paper", color = "view";
+    std::string background = "scene", compositing = "paper", color = "view";
+    // draft, preview or final: points of the front in docs/accuracy-and-time.md, about half and two thirds of the time.
+    std::string quality = "final";
     double scale = 1;
 };
 void add_picture_flags(CLI::App* app, PictureOptions& options);
@@ -20,7 +22,7 @@ struct Picture {
     Tensor alpha, added, removed, changed;  // H×W
 };
 Picture draw_picture(const FieldWithEdits& scene, const Camera& camera, const PictureOptions& options);
-// H×W×3 over the background colour, or H×W×4 with straight alpha for "transparent"; not clamped.
-Tensor with_background(const Picture& picture, const std::string& background);
+// H×W×3 over a colour (background_color, inputs.h), or H×W×4 with straight alpha if it is undefined; not clamped.
+Tensor with_background(const Picture& picture, const Tensor& background);
 
 }  // namespace fieldgraft::app

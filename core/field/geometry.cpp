@@ -45,20 +45,23 @@ bool read_flag(const Json& json, const char* key) {
 }  // namespace
 
 Json FieldGeometry::to_json() const {
-    return {{"box_min", box_min},
-            {"box_max", box_max},
-            {"frame", frame},
-            {"up", up},
-            {"centre", centre},
-            {"radius_range", radius_range},
-            {"image_width", image_width},
-            {"image_height", image_height},
-            {"focal_x", focal_x},
-            {"focal_y", focal_y},
-            {"principal_x", principal_x},
-            {"principal_y", principal_y},
-            {"white_background", white_background},
-            {"forward_facing", forward_facing}};
+    Json json{{"box_min", box_min},
+              {"box_max", box_max},
+              {"frame", frame},
+              {"up", up},
+              {"centre", centre},
+              {"radius_range", radius_range},
+              {"image_width", image_width},
+              {"image_height", image_height},
+              {"focal_x", focal_x},
+              {"focal_y", focal_y},
+              {"principal_x", principal_x},
+              {"principal_y", principal_y},
+              {"white_background", white_background},
+              {"forward_facing", forward_facing}};
+    // Only where it says something: a field's hash, which its edits know, is over this.
+    if (background != FieldGeometry().background) json["background"] = background;
+    return json;
 }
 
 FieldGeometry FieldGeometry::from_json(const Json& json) {
@@ -81,6 +84,7 @@ FieldGeometry FieldGeometry::from_json(const Json& json) {
     geometry.principal_y = read_number(json, "principal_y");
     geometry.white_background = read_flag(json, "white_background");
     geometry.forward_facing = read_flag(json, "forward_facing");
+    if (json.contains("background")) read_numbers(json, "background", geometry.background);
     return geometry;
 }
 

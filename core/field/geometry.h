@@ -28,6 +28,7 @@ struct FieldGeometry {
     double focal_x = 555.0, focal_y = 555.0;          // pixels
     double principal_x = 200.0, principal_y = 200.0;  // pixels
     bool white_background = true;                     // images with alpha: trained over random, shown over white
+    std::array<double, 3> background{1, 1, 1};        // what the scene's pictures show where nothing is
     bool forward_facing = false;                      // cameras on one side only: never sample the hemisphere
 
     Json to_json() const;

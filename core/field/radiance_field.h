@@ -20,8 +20,8 @@
 namespace fieldgraft {
 
 struct HashFieldConfig {
-    int levels = 16;
-    int features_per_level = 2;
+    int levels = 8;
+    int features_per_level = 4;
     int log2_table_size = 17;
     int base_resolution = 16;
     int finest_resolution = 1024;  // cells along the box's longest edge

@@ -44,7 +44,7 @@ Json run(const BakingInputs& inputs, FieldPictures& reference, const BakeOptions
         const Rays rays = rays_of_view(camera);
         const RenderedRays drawn =
             render_grids(path, inputs.field->geometry(), {rays.origins, rays.directions}, GridViewOptions());
-        pictures.push_back(picture_over_white(drawn.color, drawn.alpha, camera));
+        pictures.push_back(picture_of(inputs.field->geometry(), drawn.color, drawn.alpha, camera));
     }
     std::filesystem::remove(path);
     return {{"seconds", report.seconds},

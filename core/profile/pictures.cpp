@@ -5,8 +5,8 @@
 
 namespace fieldgraft {
 
-Tensor picture_over_white(const Tensor& color, const Tensor& alpha, const Camera& camera) {
-    return over_background_color(color, alpha, {1, 1, 1}).clamp(0, 1).view({camera.height, camera.width, 3});
+Tensor picture_of(const FieldGeometry& geometry, const Tensor& color, const Tensor& alpha, const Camera& camera) {
+    return over_background_color(color, alpha, geometry.background).clamp(0, 1).view({camera.height, camera.width, 3});
 }
 
 TimedPictures draw_views(const RadianceField& field, const EditStack& stack, const std::vector<Camera>& cameras,
@@ -18,7 +18,7 @@ TimedPictures draw_views(const RadianceField& field, const EditStack& stack, con
         const Stopwatch watch;
         const BlendedRays drawn = render_blended_rays(field, stack, {rays.origins, rays.directions}, options);
         out.seconds += watch.seconds() / static_cast<double>(cameras.size());
-        out.pictures.push_back(picture_over_white(drawn.color, drawn.alpha, view));
+        out.pictures.push_back(picture_of(field.geometry(), drawn.color, drawn.alpha, view));
     }
     return out;
 }

@@ -1,4 +1,4 @@
-// Pictures as the sweeps compare them: over white, in [0, 1], with the time they took.
+// Pictures as the sweeps compare them: over the scene's background, in [0, 1], with the time they took.
 #pragma once
 
 #include "core/render/blended_view.h"
@@ -13,8 +13,8 @@ struct TimedPictures {
 TimedPictures draw_views(const RadianceField& field, const EditStack& stack, const std::vector<Camera>& cameras,
                          const BlendedOptions& options, double scale = 1);
 
-// H×W×3 of a view's rays, over white.
-Tensor picture_over_white(const Tensor& color, const Tensor& alpha, const Camera& camera);
+// H×W×3 of a view's rays, over the background of the field's scene.
+Tensor picture_of(const FieldGeometry& geometry, const Tensor& color, const Tensor& alpha, const Camera& camera);
 // The mean over the views.
 double mean_psnr(const std::vector<Tensor>& pictures, const std::vector<Tensor>& expected);
 

@@ -90,10 +90,16 @@ std::vector<Trial> training_trials(const TrainingInputs& inputs) {
         add("table entries a level, log₂", std::to_string(log2),
             [&](TrainOptions& o) { o.field->log2_table_size = log2; });
     }
-    for (const int levels : {6, 8, 12}) {
+    for (const int levels : {4, 6, 8, 12}) {
+        if (levels == usual.levels) continue;
         add("levels", std::to_string(levels), [&](TrainOptions& o) { o.field->levels = levels; });
     }
-    for (const int width : {16, 32, 128}) {
+    add("levels × features", "16 × 2", [](TrainOptions& o) {
+        o.field->levels = 16;
+        o.field->features_per_level = 2;
+    });
+    for (const int width : {16, 32, 64, 128}) {
+        if (width == usual.color_hidden) continue;
         add("network width", std::to_string(width), [&](TrainOptions& o) {
             o.field->density_hidden = width;
             o.field->color_hidden = width;
@@ -112,7 +118,7 @@ std::vector<Trial> training_trials(const TrainingInputs& inputs) {
         add("samples an iteration, log₂", std::to_string(log2), [&](TrainOptions& o) { o.samples = 1ll << log2; });
     }
     add("precision", "float32", [](TrainOptions& o) { o.precision = "float32"; });
-    for (const auto& [log2, width] : {std::pair{15, 32}, {15, 16}, {18, 128}}) {
+    for (const auto& [log2, width] : {std::pair{14, 16}, {15, 16}, {18, 64}, {19, 64}}) {
         add("table × width", fmt::format("{} × {}", log2, width), [&](TrainOptions& o) {
             o.field->log2_table_size = log2;
             o.field->density_hidden = width;

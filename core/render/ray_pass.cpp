@@ -1,11 +1,14 @@
 #include "core/render/ray_pass.h"
 
 #include <algorithm>
+#include <cmath>
 
 #include "core/kernels/composite_ref.h"
 
 namespace fieldgraft {
 namespace {
+
+constexpr float same_as_background = 0.03f, empty_weight = 0.05f;
 
 // What is computed of one block, kept from block to block for its memory.
 struct Activations {
@@ -35,10 +38,30 @@ void forward(const KernelField& field, const RayBlock& block, Activations& a) {
 }
 
 // The loss and its gradient with respect to what the rays show; scale: one over the number of values in the mean.
-double difference(std::span<const float> pixels, float scale, Activations& a) {
+double difference_over(const std::array<float, 3>& background, std::span<const float> pixels, float scale,
+                       Activations& a) {
+    double sum = 0;
+    for (std::size_t r = 0; r < a.transmittance.size(); ++r) {
+        const float* pixel = pixels.data() + 4 * r;
+        bool nothing = true;
+        for (std::size_t c = 0; c < 3; ++c) {
+            const float behind = background[c], seen = pixel[3] * pixel[c] + (1 - pixel[3]) * behind;
+            const float color = a.shown[3 * r + c] + a.transmittance[r] * behind - seen;
+            sum += static_cast<double>(color * color);
+            a.shown_grad[3 * r + c] = 2 * color * scale;
+            a.transmittance_grad[r] += 2 * color * behind * scale;
+            nothing = nothing && std::abs(seen - behind) <= same_as_background;
+        }
+        if (nothing) a.transmittance_grad[r] -= 3 * empty_weight * 2 * (1 - a.transmittance[r]) * scale;
+    }
+    return sum;
+}
+
+double difference(std::span<const float> pixels, const PlainBackground& background, float scale, Activations& a) {
     double sum = 0;
     a.shown_grad.resize(a.shown.size());
     a.transmittance_grad.assign(a.transmittance.size(), 0.0f);
+    if (background) return difference_over(*background, pixels, scale, a);
     for (std::size_t i = 0; i < a.shown.size(); ++i) {
         const float* pixel = pixels.data() + i / 3 * 4;
         const float color = a.shown[i] - pixel[3] * pixel[i % 3];
@@ -108,7 +131,7 @@ HashGridRows RangeFit::rows(const HashGrid& grid) const {
 }
 
 void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<const float> pixels,
-               RangeFit& fit) {
+               const PlainBackground& background, RangeFit& fit) {
     VisibleRays visible(field, cells, rays);
     fit.samples = visible.samples();
     fit.positions = std::make_unique_for_overwrite<float[]>(3 * fit.samples);
@@ -120,7 +143,7 @@ void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange&
     while (visible.next(block)) {
         forward(field, block, a);
         const std::size_t first = rays.first + block.begin, count = block.rays();
-        fit.squared_error += difference(pixels.subspan(4 * first, 4 * count), scale, a);
+        fit.squared_error += difference(pixels.subspan(4 * first, 4 * count), background, scale, a);
         backward(field, block, a, fit.gradients);
         keep(field, block, a, done, fit);
         done += block.samples();

@@ -8,9 +8,13 @@
 //
 // C: color, T: transmittance; c and α: the pixel's. Fitting over random backgrounds makes what is transparent
 // transparent and what is opaque opaque; their mean, in closed form, does it without the noise of drawing them.
+// Pictures without alpha whose background b is known are fitted over that one: loss = mean of (C + T b − c)², and of
+// 0.05 (1 − T)² where a pixel shows b itself (every channel within 0.03): haze of that colour would look like nothing.
 #pragma once
 
+#include <array>
 #include <memory>
+#include <optional>
 #include <span>
 
 #include "core/kernels/hash_grid_simd.h"
@@ -28,7 +32,7 @@ void draw_range(const KernelField& field, const MarchGrid& cells, const RayRange
 // What fitting a range leaves behind. The encoding's gradients stay with their samples, so that the table's levels can
 // be dealt to threads and no two of them touch one entry (hash_grid_add_gradient).
 struct RangeFit {
-    double squared_error = 0;  // sum over rays and channels
+    double squared_error = 0;  // sum over rays and channels, of the pictures alone
     std::size_t samples = 0;   // that were visible
     bool finite = true;        // of encoded_grad
     FieldMlpGradients gradients;
@@ -39,9 +43,12 @@ struct RangeFit {
     HashGridRows rows(const HashGrid& grid) const;
 };
 
-// pixels: R×4, straight alpha last, of all rays of `rays.march`. `fit` is fresh; gradients are of the mean over all R
-// rays.
+// The colour behind everything, where pictures have no alpha to tell it apart.
+using PlainBackground = std::optional<std::array<float, 3>>;
+
+// pixels: R×4, straight alpha last, of all rays of `rays.march`; over `background` if it is given, else over all.
+// `fit` is fresh; gradients are of the mean over all R rays.
 void fit_range(const KernelField& field, const MarchGrid& cells, const RayRange& rays, std::span<const float> pixels,
-               RangeFit& fit);
+               const PlainBackground& background, RangeFit& fit);
 
 }  // namespace fieldgraft

@@ -40,7 +40,7 @@ RenderedView render_view(const RadianceField& field, const RayBundle& rays, int 
     return {flat.color.view({height, width, 3}), flat.alpha.view({height, width}), flat.depth.view({height, width})};
 }
 
-Tensor over_background_color(const Tensor& color, const Tensor& alpha, const std::array<float, 3>& background) {
+Tensor over_background_color(const Tensor& color, const Tensor& alpha, const std::array<double, 3>& background) {
     const Tensor behind = torch::tensor({background[0], background[1], background[2]}, color.options());
     return color + (1 - alpha).unsqueeze(-1) * behind;
 }

@@ -34,6 +34,6 @@ RenderedView render_view(const RadianceField& field, const RayBundle& rays, int 
                          const RenderOptions& options = {});
 
 // color …×3 and alpha … → …×3 in front of one colour.
-Tensor over_background_color(const Tensor& color, const Tensor& alpha, const std::array<float, 3>& background);
+Tensor over_background_color(const Tensor& color, const Tensor& alpha, const std::array<double, 3>& background);
 
 }  // namespace fieldgraft

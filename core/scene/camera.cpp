@@ -74,7 +74,9 @@ Vec3 rotated(const Mat4& m, const Vec3& d) {
             m[8] * d[0] + m[9] * d[1] + m[10] * d[2]};
 }
 
-// One line of the ray tensors at a time.
+constexpr std::int64_t rays_a_task = 512;
+
+// The lines of the ray tensors, each written once, in any order.
 class RayWriter {
   public:
     explicit RayWriter(std::int64_t count)
@@ -82,11 +84,11 @@ class RayWriter {
           origin_(rays_.origins.data_ptr<float>()),
           direction_(rays_.directions.data_ptr<float>()) {}
 
-    void add(const Camera& camera, double x, double y) {
+    void put(std::int64_t ray, const Camera& camera, double x, double y) {
         const Vec3 position = camera.position();
         const Vec3 direction = rotated(camera.camera_to_world, camera_direction(camera, x, y));
-        for (int i = 0; i < 3; ++i) *origin_++ = static_cast<float>(position[i]);
-        for (int i = 0; i < 3; ++i) *direction_++ = static_cast<float>(direction[i]);
+        for (int i = 0; i < 3; ++i) origin_[3 * ray + i] = static_cast<float>(position[i]);
+        for (int i = 0; i < 3; ++i) direction_[3 * ray + i] = static_cast<float>(direction[i]);
     }
     Rays take() { return std::move(rays_); }
 
@@ -175,10 +177,13 @@ Rays rays_through_pixels(const Camera& camera, const Tensor& pixels) {
     const Tensor list = checked_pixels(pixels);
     const auto* xy = list.data_ptr<std::int64_t>();
     RayWriter writer(list.size(0));
-    for (std::int64_t i = 0; i < list.size(0); ++i, xy += 2) {
-        check_inside(camera, xy[0], xy[1]);
-        writer.add(camera, static_cast<double>(xy[0]) + 0.5, static_cast<double>(xy[1]) + 0.5);
-    }
+    at::parallel_for(0, list.size(0), rays_a_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) {
+            const std::int64_t x = xy[2 * i], y = xy[2 * i + 1];
+            check_inside(camera, x, y);
+            writer.put(i, camera, static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
+        }
+    });
     return writer.take();
 }
 
@@ -192,13 +197,17 @@ Rays rays_through_pixels(const std::vector<Camera>& cameras, const Tensor& view,
     const auto* index = views.data_ptr<std::int64_t>();
     const auto* xy = list.data_ptr<std::int64_t>();
     RayWriter writer(list.size(0));
-    for (std::int64_t i = 0; i < list.size(0); ++i, ++index, xy += 2) {
-        if (*index < 0 || *index >= static_cast<std::int64_t>(cameras.size()))
-            throw std::invalid_argument(fmt::format("rays_through_pixels: view {} of {}", *index, cameras.size()));
-        const Camera& camera = cameras[static_cast<std::size_t>(*index)];
-        check_inside(camera, xy[0], xy[1]);
-        writer.add(camera, static_cast<double>(xy[0]) + 0.5, static_cast<double>(xy[1]) + 0.5);
-    }
+    at::parallel_for(0, list.size(0), rays_a_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) {
+            if (index[i] < 0 || index[i] >= static_cast<std::int64_t>(cameras.size()))
+                throw std::invalid_argument(
+                    fmt::format("rays_through_pixels: view {} of {}", index[i], cameras.size()));
+            const Camera& camera = cameras[static_cast<std::size_t>(index[i])];
+            const std::int64_t x = xy[2 * i], y = xy[2 * i + 1];
+            check_inside(camera, x, y);
+            writer.put(i, camera, static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
+        }
+    });
     return writer.take();
 }
 
@@ -210,15 +219,22 @@ Rays rays_through_points(const Camera& camera, const Tensor& points) {
     const Tensor list = points.detach().to(at::kCPU, at::kDouble).contiguous();
     const double* xy = list.data_ptr<double>();
     RayWriter writer(list.size(0));
-    for (std::int64_t i = 0; i < list.size(0); ++i, xy += 2) writer.add(camera, xy[0], xy[1]);
+    at::parallel_for(0, list.size(0), rays_a_task, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t i = begin; i < end; ++i) writer.put(i, camera, xy[2 * i], xy[2 * i + 1]);
+    });
     return writer.take();
 }
 
 Rays rays_of_view(const Camera& camera) {
     check_camera(camera);
     RayWriter writer(std::int64_t{camera.width} * camera.height);
-    for (int y = 0; y < camera.height; ++y)
-        for (int x = 0; x < camera.width; ++x) writer.add(camera, x + 0.5, y + 0.5);
+    at::parallel_for(0, camera.height, 4, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t y = begin; y < end; ++y) {
+            for (std::int64_t x = 0; x < camera.width; ++x) {
+                writer.put(y * camera.width + x, camera, static_cast<double>(x) + 0.5, static_cast<double>(y) + 0.5);
+            }
+        }
+    });
     return writer.take();
 }
 

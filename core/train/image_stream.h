@@ -32,7 +32,8 @@ class ImageStream {
     struct Image {
         Tensor pixels, mask;
     };
-    // By number among the cameras; called from several threads. What it gives is the stream's to keep and to write into.
+    // By number among the cameras; called from several threads. What it gives is the stream's to keep and to write
+    // into.
     using Load = std::function<Image(std::size_t)>;
 
     // 1 ≤ window ≤ the number of cameras.

@@ -4,17 +4,24 @@
 //   v ← max(0.9·v, σ(a random point of the cell))   occupied: v > min(0.9·mean v, threshold),  threshold·step = 0.01
 //
 // (Müller et al. 2022, appendix C). refresh_all looks into every cell; refresh_some into 1/32 of the cells, in turn,
-// and into as many random occupied ones. All randomness comes from the caller's generator.
+// and into as many random occupied ones. All randomness comes from the caller's generator. What no camera can see is
+// never occupied: nothing would ever teach the field that it is empty.
 #pragma once
 
 #include "core/base/random.h"
 #include "core/field/radiance_field.h"
+#include "core/scene/camera.h"
 
 namespace fieldgraft {
 
+// R×R×R bool (z slowest): cells that may lie in some camera's picture, further than `near` (model units) from it.
+// Judged for blocks of cells by the sphere around them: never too few.
+Tensor seen_cells(const FieldGeometry& geometry, int resolution, const std::vector<Camera>& cameras, double near);
+
 class OccupancyGrid {
   public:
-    OccupancyGrid(const FieldGeometry& geometry, int resolution, double step);
+    // `seen`: R×R×R bool; undefined: all of them.
+    OccupancyGrid(const FieldGeometry& geometry, int resolution, double step, const Tensor& seen = {});
     void refresh_all(const RadianceField& field, Random& random);
     void refresh_some(const RadianceField& field, Random& random);
 
@@ -32,7 +39,7 @@ class OccupancyGrid {
     FieldGeometry geometry_;
     std::int64_t resolution_;
     double threshold_;
-    Tensor values_;
+    Tensor values_, seen_;
     std::int64_t turn_ = 0;
 };
 

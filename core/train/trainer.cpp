@@ -69,7 +69,9 @@ class Trainer {
   private:
     TrainState fresh_state() const {
         auto field = std::make_shared<RadianceField>(options_.field_config(), data_.geometry, options_.seed);
-        OccupancyGrid occupancy(data_.geometry, options_.occupancy_resolution, step());
+        const Tensor seen =
+            seen_cells(data_.geometry, options_.occupancy_resolution, data_.train.cameras, data_.near());
+        OccupancyGrid occupancy(data_.geometry, options_.occupancy_resolution, step(), seen);
         field->set_occupancy(occupancy.cells());
         return {field, FieldOptimizer(*field), occupancy, Random(options_.seed, 0x7261696eu)};
     }
@@ -116,9 +118,10 @@ class Trainer {
 
     double rate() const {
         const double done = std::min(share(), 1.0);
-        // The first steps are short: Adam's second moments know nothing yet.
-        const double warm = std::min(1.0, static_cast<double>(state_.iteration + 1) / 20);
-        return options_.rate * std::pow(options_.rate_end, done) * warm * state_.rate_scale;
+        // The first steps are short: Adam's second moments know nothing yet. After 20 of them some small scenes were
+        // still lost at this rate.
+        const double warm = std::min(1.0, static_cast<double>(state_.iteration + 1) / 64);
+        return options_.rate * std::max(options_.rate_end, 1 - done) * warm * state_.rate_scale;
     }
 
     void refresh_cells() {
@@ -160,7 +163,7 @@ class Trainer {
         at::NoGradGuard no_grad;
         const Tensor origins = batch.rays.origins.contiguous(), directions = batch.rays.directions.contiguous();
         const Tensor jitter = draw_jitter(&state_.random, batch.rays.size());
-        const MarchRays rays{values(origins), values(directions), values(jitter), current_step(), 0};
+        const MarchRays rays{values(origins), values(directions), values(jitter), current_step(), data_.near()};
         const KernelField kernel(*state_.field, options_.network_precision());
         const std::int64_t total = batch.rays.size(), a_range = std::clamp<std::int64_t>(total / 16, 32, rays_a_range);
         const std::int64_t count = (total + a_range - 1) / a_range;
@@ -168,7 +171,7 @@ class Trainer {
         for (std::int64_t i = 0; i < count; ++i) fits.emplace_back(kernel.weights.shape());
         share_out(count, [&](std::int64_t i) {
             const RayRange range{rays, i * a_range, std::min((i + 1) * a_range, total), min_transmittance};
-            fit_range(kernel, cells_, range, values(batch.colors), fits[i]);
+            fit_range(kernel, cells_, range, values(batch.colors), data_.background, fits[i]);
         });
         return fits;
     }
@@ -223,6 +226,7 @@ class Trainer {
         double total = 0;
         RenderOptions options;
         options.march.step = options_.step;
+        const auto& background = data_.geometry.background;
         for (std::size_t i = 0; i < count; ++i) {
             const Camera& camera = set.cameras[i];
             const Rays rays = rays_of_view(camera);
@@ -231,8 +235,8 @@ class Trainer {
             const Tensor pixels = set.pixels[i].to(at::kFloat) / 255;
             const Tensor rgb = pixels.narrow(2, 0, 3);
             const Tensor alpha = pixels.size(2) == 4 ? pixels.select(2, 3) : at::ones_like(pixels.select(2, 0));
-            const Tensor target = over_background_color(rgb * alpha.unsqueeze(2), alpha, {1, 1, 1});
-            const Tensor shown = over_background_color(view.color, view.alpha, {1, 1, 1}).clamp(0, 1);
+            const Tensor target = over_background_color(rgb * alpha.unsqueeze(2), alpha, background);
+            const Tensor shown = over_background_color(view.color, view.alpha, background).clamp(0, 1);
             total += psnr_of((shown - target).square().mean().item<double>());
         }
         return total / static_cast<double>(count);
@@ -259,6 +263,17 @@ class Trainer {
     int in_a_row_ = 0;
 };
 
+// The budget's field, with no more entries a level than there are pixels: few of them would otherwise each find entries
+// of their own to remember them by.
+HashFieldConfig field_for(const TrainingData& data, const TrainOptions& options) {
+    HashFieldConfig config = options.field_config();
+    double pixels = 0;
+    for (const Camera& camera : data.train.cameras) pixels += static_cast<double>(camera.width) * camera.height;
+    const int most = std::max(12, static_cast<int>(std::log2(std::max(pixels, 1.0))));
+    config.log2_table_size = std::min(config.log2_table_size, most);
+    return config;
+}
+
 }  // namespace
 
 double TrainOptions::budget() const {
@@ -267,7 +282,10 @@ double TrainOptions::budget() const {
 
 HashFieldConfig TrainOptions::field_config() const {
     HashFieldConfig config = field.value_or(HashFieldConfig());
-    if (!field && !iterations) config.log2_table_size = budget() < 2 ? 16 : budget() < 4 ? 17 : 18;
+    if (field || iterations) return config;
+    // What reached furthest on lego in so much time (docs/accuracy-and-time.md).
+    config.log2_table_size = budget() < 0.4 ? 16 : budget() < 1 ? 17 : 18;
+    if (budget() < 2) config.density_hidden = config.color_hidden = 32;
     return config;
 }
 
@@ -304,13 +322,11 @@ TrainResult train_field(const TrainingData& data, const TrainOptions& options, c
     options.check();
     data.check();
     keep_freed_memory();
-    TrainOptions resumed = options;
-    if (resume) {
-        if (checkpoint.empty()) throw std::invalid_argument("resume needs the path of a checkpoint");
-        // Going on for longer is the same run, whatever table a new one would take.
-        if (!options.field) resumed.field = checkpoint_field(checkpoint);
-    }
-    Trainer trainer(data, resumed, reporter, checkpoint);
+    if (resume && checkpoint.empty()) throw std::invalid_argument("resume needs the path of a checkpoint");
+    TrainOptions complete = options;
+    // Going on for longer is the same run, whatever table a new one would take.
+    if (!options.field) complete.field = resume ? checkpoint_field(checkpoint) : field_for(data, options);
+    Trainer trainer(data, complete, reporter, checkpoint);
     if (resume) trainer.resume();
     return trainer.run();
 }
@@ -322,6 +338,13 @@ TrainResult train_field(const Scene& scene, const TrainOptions& options, const R
         reporter.warning(fmt::format(
             "{} training images do not fit into {:.1f} GiB (--image-memory): {} at a time are in memory",
             data.stream->size(), static_cast<double>(options.image_bytes) / (1ll << 30), data.stream->window()));
+    }
+    if (data.background) {
+        const auto& b = *data.background;
+        reporter.warning(fmt::format(
+            "the pictures have no alpha and one colour around their edges (#{:02x}{:02x}{:02x}): it is taken "
+            "for empty space",
+            std::lround(255 * b[0]), std::lround(255 * b[1]), std::lround(255 * b[2])));
     }
     return train_field(data, options, reporter, checkpoint, resume);
 }

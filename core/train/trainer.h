@@ -2,9 +2,9 @@
 //
 // Every iteration: random rays over all training pixels; forward and backward over the samples they can see
 // (ray_pass.h); one step of Adam. The loss is the mean squared error of sRGB colours over all backgrounds (ray_pass.h).
-// The number of rays follows the number of visible samples, near `samples` an iteration. The learning rate falls
-// exponentially from rate to rate·rate_end over the run: by iterations, or by time when `minutes` is given; the march's
-// step is four times the final one for the first 30 % of the run and twice until 80 %.
+// The number of rays follows the number of visible samples, near `samples` an iteration. The learning rate falls from
+// rate along a straight line to rate·rate_end over the run: by iterations, or by time when `minutes` is given; the
+// march's step is four times the final one for the first 30 % of the run and twice until 80 %.
 //
 // By iterations nothing depends on the clock or on the number of threads: same seed and machine give the same bits,
 // resumed or not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after
@@ -27,7 +27,7 @@ struct TrainOptions {
     std::optional<std::int64_t> iterations;  // how many; neither: the preset's minutes
     std::string quality = "preview";         // draft 1, preview 3, final 10 minutes
     std::uint64_t seed = 0;
-    std::optional<HashFieldConfig> field;  // none: with the largest table that pays within the time
+    std::optional<HashFieldConfig> field;  // none: what pays within the time
     std::int64_t samples = 1 << 15;        // visible samples an iteration aims at
     double rate = 2e-2, rate_end = 0.03;
     double step = 0;  // of the march at the end, model units; 0: the box diagonal / 1024
@@ -39,7 +39,8 @@ struct TrainOptions {
 
     // The preset's minutes, unless `minutes` says otherwise.
     double budget() const;
-    // `field`, or one for the budget: a small table learns faster, a large one further.
+    // `field`, or one for the budget: small tables and narrow networks learn faster, larger ones further. Training
+    // takes a smaller table still where there are few pixels.
     HashFieldConfig field_config() const;
     Precision network_precision() const;
     // Throws InputError with one line. Called by train_field.

@@ -36,6 +36,19 @@ void TrainingData::check() const {
     if (!any) input_error("the masks leave no pixel to train on");
 }
 
+double TrainingData::near() const {
+    constexpr double share = 0.05;  // of the usual distance to what the cameras look at
+    const auto inside = [&](const Camera& camera) {
+        const Vec3 p = camera.position();
+        for (int c = 0; c < 3; ++c) {
+            if (p[c] < geometry.box_min[c] || p[c] > geometry.box_max[c]) return false;
+        }
+        return true;
+    };
+    const auto& cameras = train.cameras;
+    return std::any_of(cameras.begin(), cameras.end(), inside) ? share * geometry.radius_range[0] : 0;
+}
+
 FieldGeometry geometry_of(const Scene& scene) {
     FieldGeometry geometry;
     geometry.box_min = scene.bounds().min;
@@ -73,25 +86,62 @@ std::size_t images_that_fit(const std::vector<View>& views, int channels, std::i
 
 }  // namespace
 
+PlainBackground plain_background(const std::vector<Tensor>& images) {
+    constexpr std::size_t most = 24;
+    constexpr double tolerance = 8;
+    std::vector<Tensor> edges;
+    const std::size_t count = std::min(most, images.size());
+    for (std::size_t i = 0; i < count; ++i) {
+        const Tensor& image = images[i * images.size() / count];
+        if (image.size(2) != 3) return {};
+        const std::int64_t height = image.size(0), width = image.size(1);
+        for (const std::int64_t y : {std::int64_t{0}, height - 1}) edges.push_back(image[y]);
+        for (const std::int64_t x : {std::int64_t{0}, width - 1}) edges.push_back(image.select(1, x));
+    }
+    if (edges.empty()) return {};
+    const Tensor pixels = at::cat(edges, 0).to(at::kFloat);
+    const Tensor middle = std::get<0>(pixels.median(0));
+    const Tensor alike = ((pixels - middle).abs() <= tolerance).all(1);
+    if (alike.to(at::kFloat).mean().item<double>() < 0.9) return {};
+    const Tensor color = middle / 255;
+    return std::array{color[0].item<float>(), color[1].item<float>(), color[2].item<float>()};
+}
+
+namespace {
+
+// Of the images in memory, or of some that are decoded for it.
+PlainBackground background_of(const Scene& scene, const TrainingData& data) {
+    if (scene.has_alpha()) return {};
+    if (data.stream == nullptr) return plain_background(data.train.pixels);
+    const std::vector<View> views = scene.views("train");
+    std::vector<Tensor> some;
+    for (std::size_t i = 0; i < 24; ++i) some.push_back(scene.decoded(views[i * views.size() / 24]));
+    return plain_background(some);
+}
+
+}  // namespace
+
 TrainingData training_data_of(const Scene& scene, std::int64_t image_bytes, std::uint64_t seed) {
     // Four views tell the quality well enough for a report.
     std::vector<View> all = scene.validation_views(), some;
     const std::size_t count = std::min<std::size_t>(4, all.size());
     for (std::size_t i = 0; i < count; ++i) some.push_back(all[i * all.size() / count]);
     const std::vector<View> train = scene.views("train");
-    TrainingData data{geometry_of(scene), {}, images_of(scene, some), nullptr};
+    TrainingData data{geometry_of(scene), {}, images_of(scene, some), nullptr, {}};
     const std::size_t window = train.empty() ? 0 : images_that_fit(train, scene.has_alpha() ? 4 : 3, image_bytes);
     if (window == train.size()) {
         data.train = images_of(scene, train);
-        return data;
+    } else {
+        for (const View& view : train) data.train.cameras.push_back(view.camera);
+        const auto source = std::make_shared<const Scene>(scene);
+        const auto views = std::make_shared<const std::vector<View>>(train);
+        const auto load = [source, views](std::size_t i) {
+            return ImageStream::Image{source->decoded(views->at(i)), source->decoded_mask(views->at(i))};
+        };
+        data.stream = std::make_shared<ImageStream>(data.train.cameras, load, window, seed);
     }
-    for (const View& view : train) data.train.cameras.push_back(view.camera);
-    const auto source = std::make_shared<const Scene>(scene);
-    const auto views = std::make_shared<const std::vector<View>>(train);
-    const auto load = [source, views](std::size_t i) {
-        return ImageStream::Image{source->decoded(views->at(i)), source->decoded_mask(views->at(i))};
-    };
-    data.stream = std::make_shared<ImageStream>(data.train.cameras, load, window, seed);
+    data.background = background_of(scene, data);
+    for (int c = 0; data.background && c < 3; ++c) data.geometry.background[c] = (*data.background)[c];
     return data;
 }
 
@@ -101,7 +151,6 @@ RayBatch draw_rays(const ImageSet& images, std::int64_t count, Random& random) {
     const Tensor view = at::empty({count}, at::kLong), pixels = at::empty({count, 2}, at::kLong);
     const Tensor colors = at::empty({count, 4}, at::kFloat);
     std::int64_t *views = view.mutable_data_ptr<std::int64_t>(), *xy = pixels.mutable_data_ptr<std::int64_t>();
-    float* out = colors.mutable_data_ptr<float>();
     for (std::int64_t r = 0; r < count; ++r) {
         std::int64_t v = 0, x = 0, y = 0;
         do {
@@ -114,11 +163,18 @@ RayBatch draw_rays(const ImageSet& images, std::int64_t count, Random& random) {
         views[r] = v;
         xy[2 * r] = x;
         xy[2 * r + 1] = y;
-        const std::int64_t channels = images.pixels[v].size(2);
-        const std::uint8_t* source =
-            images.pixels[v].const_data_ptr<std::uint8_t>() + (y * images.pixels[v].size(1) + x) * channels;
-        for (int c = 0; c < 4; ++c) out[4 * r + c] = c < channels ? static_cast<float>(source[c]) / 255.0f : 1.0f;
     }
+    // Which pixels is drawn one after the other; what they are is looked up by all threads.
+    float* out = colors.mutable_data_ptr<float>();
+    at::parallel_for(0, count, 512, [&](std::int64_t begin, std::int64_t end) {
+        for (std::int64_t r = begin; r < end; ++r) {
+            const Tensor& image = images.pixels[views[r]];
+            const std::int64_t channels = image.size(2);
+            const std::uint8_t* source =
+                image.const_data_ptr<std::uint8_t>() + (xy[2 * r + 1] * image.size(1) + xy[2 * r]) * channels;
+            for (int c = 0; c < 4; ++c) out[4 * r + c] = c < channels ? static_cast<float>(source[c]) / 255.0f : 1.0f;
+        }
+    });
     const Rays rays = rays_through_pixels(images.cameras, view, pixels);
     return {{rays.origins, rays.directions}, colors};
 }

@@ -10,6 +10,7 @@
 
 #include "core/base/random.h"
 #include "core/field/geometry.h"
+#include "core/render/ray_pass.h"
 #include "core/render/samples.h"
 #include "core/scene/camera.h"
 #include "core/scene/scene.h"
@@ -22,7 +23,11 @@ struct TrainingData {
     ImageSet train;                       // with a stream: cameras only
     ImageSet validation;                  // looked at for the report only; may be empty: then training views are
     std::shared_ptr<ImageStream> stream;  // null: all images are in `train`
+    // Images without alpha that have one colour all around their edges: it is taken for empty space.
+    PlainBackground background;
 
+    // Where rays begin, model units: what is nearer to a camera inside the box is haze that only it would see.
+    double near() const;
     // What rays are drawn from.
     const ImageSet& images_at(std::int64_t iteration) const { return stream ? stream->at(iteration) : train; }
     // Throws InputError: no images, an image that does not have its camera's size, masks that leave no pixel.
@@ -30,6 +35,9 @@ struct TrainingData {
 };
 
 FieldGeometry geometry_of(const Scene& scene);
+// The colour that nine tenths of the outermost pixels have, give or take 8 of 255; none where there is no such colour.
+// Looks at up to 24 images.
+PlainBackground plain_background(const std::vector<Tensor>& images);
 constexpr std::int64_t usual_image_bytes = 2ll << 30;
 // Images beyond `image_bytes` in all are streamed, in an order that depends on the seed.
 TrainingData training_data_of(const Scene& scene, std::int64_t image_bytes = usual_image_bytes, std::uint64_t seed = 0);

@@ -92,7 +92,7 @@ def test_training_is_measured_by_steps(ball_scene: Path, tmp_path: Path) -> None
     assert result.returncode == 0, result.stderr
     points = points_of(out)
     usual = points["minutes", "0.03"]["figures"]
-    for width in (16, 32, 128):
+    for width in (16, 64, 128):
         assert points["network width", str(width)]["figures"]["iterations"] == usual["iterations"]
     assert usual["iterations"] > 0 and usual["psnr"] > 5
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import os
 import signal
 import subprocess
@@ -64,6 +65,34 @@ def test_same_seed_one_thread_same_bytes(ball_scene: Path, tmp_path: Path) -> No
     assert files[0].read_bytes() == files[1].read_bytes()
 
 
+def test_pictures_without_alpha_before_one_colour(ball_scene: Path, tmp_path: Path) -> None:
+    """As a studio's camera takes them, in nerfstudio's form, where the program puts the cameras inside the box."""
+    scene = tmp_path / "studio"
+    (scene / "images").mkdir(parents=True)
+    given = json.loads((ball_scene / "transforms_train.json").read_text())
+    frames = []
+    for frame in given["frames"]:
+        picture = Image.open((ball_scene / frame["file_path"]).with_suffix(".png"))
+        name = f"images/{Path(frame['file_path']).name}.png"
+        grey = Image.new("RGBA", picture.size, (120, 140, 150, 255))
+        grey.alpha_composite(picture)
+        grey.convert("RGB").save(scene / name)
+        frames.append({"file_path": name, "transform_matrix": frame["transform_matrix"]})
+    width, height = picture.size
+    focal = 0.5 * width / math.tan(0.5 * given["camera_angle_x"])
+    camera = {"w": width, "h": height, "fl_x": focal, "fl_y": focal, "cx": width / 2, "cy": height / 2}
+    (scene / "transforms.json").write_text(json.dumps(camera | {"frames": frames}))
+    field = tmp_path / "field.safetensors"
+    result = run_program("train", scene, "-o", field, "--iterations", 300, "--json")
+    assert result.returncode == 0, result.stderr
+    events = events_of(result)
+    assert any("#788c96" in event.get("message", "") for event in events)
+    assert events[-1]["psnr"] > 22
+    assert run_program("bake", field, "-o", tmp_path / "b.vdb", "--resolution", 32).returncode == 0
+    done = events_of(run_program("eval", field, "--scene", scene, "--split", "train", "--json"))[-1]
+    assert done["psnr"] > 22
+
+
 def test_render_writes_png_and_exr_named_after_the_view(ball_scene: Path, ball_field: Path, tmp_path: Path) -> None:
     out = tmp_path / "views"
     result = run_program("render", ball_field, "--scene", ball_scene, "--split", "test", "-o", out, "--quiet")
@@ -75,6 +104,24 @@ def test_render_writes_png_and_exr_named_after_the_view(ball_scene: Path, ball_f
     white = Image.new("RGBA", truth.size, (255, 255, 255, 255))
     expected = np.asarray(Image.alpha_composite(white, truth).convert("RGB"), np.float32)
     assert np.abs(rendered - expected).mean() < 12
+
+
+def test_coarser_pictures_and_bakes_for_less(ball_scene: Path, ball_field: Path, tmp_path: Path) -> None:
+    pictures = []
+    for quality in ("draft", "final"):
+        out = tmp_path / quality
+        views = ["--scene", ball_scene, "--split", "test", "--views", "r_1"]
+        assert run_program("render", ball_field, *views, "-o", out, "--quality", quality, "--quiet").returncode == 0
+        pictures.append(np.asarray(Image.open(out / "r_1.png").convert("RGB"), np.float32))
+    difference = np.abs(pictures[0] - pictures[1]).mean()
+    assert 0 < difference < 3
+    voxels = []
+    for quality in ("draft", "preview"):
+        bake = ["bake", ball_field, "-o", tmp_path / f"{quality}.vdb", "--quality", quality, "--json"]
+        voxels.append(events_of(run_program(*bake))[-1]["voxels"])
+    assert 4 * voxels[0] < voxels[1] < 16 * voxels[0]
+    both = run_program("bake", ball_field, "-o", tmp_path / "x.vdb", "--quality", "draft", "--resolution", 64)
+    assert_one_line_error(both, "--quality", "--resolution")
 
 
 def test_bake_writes_a_grid_and_its_figures(ball_field: Path, tmp_path: Path) -> None:

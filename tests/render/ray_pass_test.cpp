@@ -41,12 +41,14 @@ struct Batch {
         jitter = at::empty({rays}, at::kFloat);
         for (float& value : mutable_values(jitter)) value = random.uniform() - 0.5f;
         pixels = random_tensor({rays, 4}, 10, 0, 1);
+        pixels.slice(0, 0, rays / 4).select(1, 3).zero_();  // some show the background alone
     }
 };
 
 constexpr double step = 0.02, min_transmittance = 1e-4;
 
-std::vector<RangeFit> run(const RadianceField& field, const Batch& batch, std::int64_t rays_a_range) {
+std::vector<RangeFit> run(const RadianceField& field, const Batch& batch, std::int64_t rays_a_range,
+                          const PlainBackground& background = {}) {
     const KernelField kernel(field);
     const MarchGrid cells = march_grid_of(field.geometry(), field.occupancy());
     const MarchRays rays{values(batch.origins), values(batch.directions), values(batch.jitter), step, 0};
@@ -55,7 +57,7 @@ std::vector<RangeFit> run(const RadianceField& field, const Batch& batch, std::i
     for (std::int64_t first = 0; first < count; first += rays_a_range) {
         fits.emplace_back(field.mlp_shape());
         const RayRange range{rays, first, std::min(first + rays_a_range, count), min_transmittance};
-        fit_range(kernel, cells, range, values(batch.pixels), fits.back());
+        fit_range(kernel, cells, range, values(batch.pixels), background, fits.back());
     }
     return fits;
 }
@@ -93,8 +95,17 @@ Gradients summed(const RadianceField& field, const std::vector<RangeFit>& fits, 
 
 // The mean squared error over all grey backgrounds: the loss is quadratic in them and separate in the channels, so the
 // two points of Gauss and Legendre give it exactly.
-Tensor loss_of(const Tensor& color, const Tensor& transmittance, const Tensor& pixels) {
+Tensor loss_of(const Tensor& color, const Tensor& transmittance, const Tensor& pixels,
+               const PlainBackground& background = {}, double* error = nullptr) {
     const Tensor alpha = pixels.narrow(1, 3, 1);
+    if (background) {
+        const Tensor behind = torch::tensor({(*background)[0], (*background)[1], (*background)[2]});
+        const Tensor target = pixels.narrow(1, 0, 3) * alpha + behind * (1 - alpha);
+        const Tensor squares = (color + transmittance.unsqueeze(1) * behind - target).square().mean();
+        const Tensor nothing = ((target - behind).abs() <= 0.03).all(1);
+        if (error != nullptr) *error = squares.item<double>();
+        return squares + 0.05 * (nothing * (1 - transmittance).square()).mean();
+    }
     Tensor loss = at::zeros({});
     for (const double behind : {0.5 - std::sqrt(1.0 / 12), 0.5 + std::sqrt(1.0 / 12)}) {
         const Tensor shown = color + transmittance.unsqueeze(1) * behind;
@@ -105,7 +116,7 @@ Tensor loss_of(const Tensor& color, const Tensor& transmittance, const Tensor& p
 }
 
 // The same loss through march, composite and autograd.
-Gradients reference(const RadianceField& field, const Batch& batch) {
+Gradients reference(const RadianceField& field, const Batch& batch, const PlainBackground& background) {
     MarchOptions march;
     march.step = step;
     Random same(9);  // draws the batch's jitter
@@ -116,9 +127,10 @@ Gradients reference(const RadianceField& field, const Batch& batch) {
     const auto medium = field.density(samples.positions);
     const Tensor color = field.color(medium.features, batch.directions.index_select(0, samples.ray));
     const CompositeOut view = composite(samples.start, samples.delta, samples.t, medium.density, color);
-    const Tensor loss = loss_of(view.color, view.transmittance, batch.pixels);
+    double error = 0;
+    const Tensor loss = loss_of(view.color, view.transmittance, batch.pixels, background, &error);
     loss.backward();
-    Gradients out{loss.item<double>(), samples.size(), {}};
+    Gradients out{background ? error : loss.item<double>(), samples.size(), {}};
     for (const auto& [name, parameter] : field.parameters()) out.of[name] = parameter.grad();
     return out;
 }
@@ -140,13 +152,17 @@ TEST(RayPass, EqualsMarchCompositeAndAutograd) {
     for (const HashFieldConfig& config : {usual, odd}) {
         const RadianceField field = lively_field(config);
         const Batch batch(700);
-        const Gradients expected = reference(field, batch), found = summed(field, run(field, batch, 128), 700);
-        EXPECT_GT(expected.samples, 5000);
-        EXPECT_EQ(found.samples, expected.samples);
-        EXPECT_NEAR(found.error, expected.error, 1e-6);
-        for (const auto& [name, gradient] : expected.of) {
-            const double worst = (found.of.at(name) - gradient).abs().max().item<double>();
-            EXPECT_LT(worst, 2e-4 * gradient.abs().max().item<double>()) << name;
+        for (const PlainBackground& background : {PlainBackground(), PlainBackground({0.9f, 0.2f, 0.4f})}) {
+            for (const auto& [name, parameter] : field.parameters()) parameter.mutable_grad() = Tensor();
+            const Gradients expected = reference(field, batch, background);
+            const Gradients found = summed(field, run(field, batch, 128, background), 700);
+            EXPECT_GT(expected.samples, 5000);
+            EXPECT_EQ(found.samples, expected.samples);
+            EXPECT_NEAR(found.error, expected.error, 1e-6);
+            for (const auto& [name, gradient] : expected.of) {
+                const double worst = (found.of.at(name) - gradient).abs().max().item<double>();
+                EXPECT_LT(worst, 2e-4 * gradient.abs().max().item<double>()) << name;
+            }
         }
     }
 }

@@ -12,54 +12,14 @@
 #include "core/train/checkpoint.h"
 #include "core/train/field_optimizer.h"
 #include "tests/base/one_thread.h"
+#include "tests/train/ball_scene.h"
 
 namespace fieldgraft {
 namespace {
 
 namespace fs = std::filesystem;
-
-// A ball of radius 0.6 whose colour depends on the place, seen by cameras around it: RGBA images drawn by intersection.
-Tensor ball_image(const Camera& camera) {
-    const Rays rays = rays_of_view(camera);
-    const Tensor b = (rays.origins * rays.directions).sum(1), c = rays.origins.square().sum(1) - 0.36;
-    const Tensor discriminant = b * b - c, hit = discriminant > 0;
-    const Tensor t = -b - discriminant.clamp_min(0).sqrt();
-    const Tensor point = rays.origins + t.unsqueeze(1) * rays.directions;
-    const Tensor color = (0.5 + 0.7 * point).clamp(0, 1);
-    const Tensor rgba = at::cat({color, hit.to(at::kFloat).unsqueeze(1)}, 1) * hit.unsqueeze(1);
-    return (rgba * 255).round().to(at::kByte).view({camera.height, camera.width, 4}).contiguous();
-}
-
-TrainingData ball_data() {
-    TrainingData data;
-    for (int i = 0; i < 8; ++i) {
-        const double angle = 0.8 * i, height = i % 2 ? 1.0 : -0.6;
-        const Vec3 eye{3 * std::cos(angle), 3 * std::sin(angle), height};
-        data.train.cameras.push_back(camera_from_angle(24, 24, 0.7, look_at(eye, {0, 0, 0}, {0, 0, 1})));
-        data.train.pixels.push_back(ball_image(data.train.cameras.back()));
-        data.train.masks.emplace_back();
-    }
-    data.validation.cameras = {camera_from_angle(24, 24, 0.7, look_at({2.9, 0.8, 0.3}, {0, 0, 0}, {0, 0, 1}))};
-    data.validation.pixels = {ball_image(data.validation.cameras[0])};
-    data.validation.masks.resize(1);
-    return data;
-}
-
-TrainOptions small_options(std::int64_t iterations) {
-    TrainOptions options;
-    options.iterations = iterations;
-    options.seed = 7;
-    options.samples = 4096;
-    options.step = 0.04;
-    options.occupancy_resolution = 24;
-    HashFieldConfig& field = options.field.emplace();
-    field.levels = 6;
-    field.log2_table_size = 11;
-    field.base_resolution = 4;
-    field.finest_resolution = 48;
-    field.density_hidden = field.color_hidden = 16;
-    return options;
-}
+using testing::ball_data;
+using testing::small_options;
 
 fs::path temporary(const std::string& name) {
     const fs::path folder = fs::path(::testing::TempDir()) / "fieldgraft_train";
@@ -139,7 +99,8 @@ TrainingData streamed_ball() {
     TrainingData data = ball_data();
     const auto images = std::make_shared<ImageSet>(std::move(data.train));
     data.train = {images->cameras, {}, {}};
-    const auto load = [images](std::size_t i) { return ImageStream::Image{images->pixels[i].clone(), images->masks[i]};
+    const auto load = [images](std::size_t i) {
+        return ImageStream::Image{images->pixels[i].clone(), images->masks[i]};
     };
     data.stream = std::make_shared<ImageStream>(images->cameras, load, 2, 7);
     return data;
