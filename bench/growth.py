@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import json
-import os
-import subprocess
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
+
+from run import done_event
 
 TRAINING_SECONDS = 10
 SAMPLES = [1 << n for n in (12, 13, 14, 15, 16, 17)]
@@ -16,18 +14,6 @@ TABLES = [14, 16, 18, 20]
 WIDTHS = [16, 32, 64, 128]
 SCALES = [0.5, 1, 2, 4]
 VOXELS = [128, 256, 512]
-
-
-def run_and_peak(command: list[Any]) -> tuple[dict[str, Any], int]:
-    """A command's `done` event, and the most memory its process held, MiB."""
-    process = subprocess.Popen([*map(str, command), "--json"], stdout=subprocess.PIPE, text=True)
-    assert process.stdout is not None
-    events = [json.loads(line) for line in process.stdout if line.startswith("{")]
-    _, status, usage = os.wait4(process.pid, 0)
-    done = [e for e in events if e.get("event") == "done"]
-    if status != 0 or not done:
-        sys.exit(f"bench: {' '.join(map(str, command))} ended with status {status}")
-    return done[-1], round(usage.ru_maxrss / 1024)
 
 
 class Growth:
@@ -38,23 +24,23 @@ class Growth:
     def training(self, folder: str, flag: str, value: int) -> dict[str, Any]:
         minutes = TRAINING_SECONDS / 60
         command = [self.program, "train", self.scene, "-o", Path(folder) / "f.safetensors", "--minutes", minutes]
-        done, peak = run_and_peak([*command, flag, value, "--threads", self.threads])
+        done = done_event([*command, flag, value, "--threads", self.threads])
         iteration, sample = done["seconds"] / done["iterations"], done["seconds"] / done["samples"]
         size = (Path(folder) / "f.safetensors").stat().st_size / 2**20
         figures = {"ms_an_iteration": 1e3 * iteration, "microseconds_a_sample": 1e6 * sample, "file_mib": size}
-        return {"value": value, **{k: round(v, 2) for k, v in figures.items()}, "peak_mib": peak}
+        return {"value": value, **{k: round(v, 2) for k, v in figures.items()}, "peak_mib": round(done["peak_mib"])}
 
     def drawing(self, folder: str, scale: float) -> dict[str, Any]:
         command = [self.program, "render", self.field, "--scene", self.scene, "--split", "test", "--views", "r_0"]
-        done, peak = run_and_peak([*command, "--scale", scale, "-o", folder, "--threads", self.threads])
-        return {"value": scale, "seconds": round(done["seconds"], 3), "peak_mib": peak}
+        done = done_event([*command, "--scale", scale, "-o", folder, "--threads", self.threads])
+        return {"value": scale, "seconds": round(done["seconds"], 3), "peak_mib": round(done["peak_mib"])}
 
     def baking(self, folder: str, voxels: int) -> dict[str, Any]:
         grid = Path(folder) / "grid.vdb"
         command = [self.program, "bake", *self.files, "-o", grid, "--resolution", voxels, "--threads", self.threads]
-        done, peak = run_and_peak(command)
-        size = round(done["bytes"] / 2**20, 1)
-        return {"value": voxels, "seconds": round(done["seconds"], 2), "file_mib": size, "peak_mib": peak}
+        done = done_event(command)
+        figures = {"seconds": round(done["seconds"], 2), "file_mib": round(done["bytes"] / 2**20, 1)}
+        return {"value": voxels, **figures, "peak_mib": round(done["peak_mib"])}
 
     def measure(self) -> dict[str, list[dict[str, Any]]]:
         with tempfile.TemporaryDirectory() as folder:

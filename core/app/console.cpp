@@ -9,6 +9,7 @@
 #include <thread>
 
 #include "core/base/errors.h"
+#include "core/base/process.h"
 #include "core/base/torch.h"
 
 namespace fieldgraft::app {
@@ -114,6 +115,7 @@ Reporter console_reporter(const CommonOptions& common, const std::string& label)
 
 void print_done(const CommonOptions& common, Json figures) {
     figures["event"] = "done";
+    if (!figures.contains("peak_mib")) figures["peak_mib"] = peak_mib();
     if (common.json) return print_line(figures);
     for (const auto& [key, value] : figures.items())
         if (key != "event" && !value.is_structured()) std::printf("%-28s %s\n", key.c_str(), number(value).c_str());

@@ -1,9 +1,12 @@
 #include "core/base/process.h"
 
 #include <malloc.h>
+#include <sys/resource.h>
 #include <unistd.h>
 
 #include <cstdlib>
+#include <fstream>
+#include <string>
 
 namespace fieldgraft {
 
@@ -12,6 +15,17 @@ void keep_freed_memory() {
     mallopt(M_MMAP_THRESHOLD, 1 << 30);
     mallopt(M_TRIM_THRESHOLD, 1 << 30);
 #endif
+}
+
+double peak_mib() {
+    constexpr double kib = 1.0 / 1024;
+    std::ifstream status("/proc/self/status");
+    for (std::string line; std::getline(status, line);) {
+        if (line.rfind("VmHWM:", 0) == 0) return kib * std::stod(line.substr(6));
+    }
+    rusage usage{};
+    getrusage(RUSAGE_SELF, &usage);
+    return kib * static_cast<double>(usage.ru_maxrss);
 }
 
 void bound_waiting(char** argv) {

@@ -1,4 +1,4 @@
-// How the process treats memory it has freed, and threads that wait.
+// How the process treats memory it has freed, and threads that wait; how much memory it has held.
 #pragma once
 
 namespace fieldgraft {
@@ -6,6 +6,9 @@ namespace fieldgraft {
 // From now on freed blocks stay with the process. Every training step and every view needs the same large blocks again;
 // handing them back to the system in between costs a tenth of the time in page faults.
 void keep_freed_memory();
+
+// The most that this program has held at once, MiB. Not getrusage's: that of a child begins with its parent's.
+double peak_mib();
 
 // Lets OpenMP's threads wait for each other busily for a moment only, then asleep. Its default keeps a core busy for
 // milliseconds at each of the thousands of times a second that threads meet; on a machine that does something else, too

@@ -1,3 +1,4 @@
+#include "core/base/image.h"
 #include "core/profile/pictures.h"
 #include "core/profile/sweeps.h"
 #include "core/train/trainer.h"

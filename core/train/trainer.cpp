@@ -1,7 +1,5 @@
 #include "core/train/trainer.h"
 
-#include <sys/resource.h>
-
 #include <cmath>
 
 #include "core/base/errors.h"
@@ -25,12 +23,6 @@ double preset_minutes(const std::string& quality) {
     if (quality == "preview") return 3;
     if (quality == "final") return 10;
     input_error("quality \"{}\" is unknown: draft, preview or final", quality);
-}
-
-double peak_mib() {
-    rusage usage{};
-    getrusage(RUSAGE_SELF, &usage);
-    return static_cast<double>(usage.ru_maxrss) / 1024;  // Linux counts KiB
 }
 
 double psnr_of(double error) {
@@ -334,18 +326,7 @@ TrainResult train_field(const TrainingData& data, const TrainOptions& options, c
 TrainResult train_field(const Scene& scene, const TrainOptions& options, const Reporter& reporter,
                         const std::filesystem::path& checkpoint, bool resume) {
     const TrainingData data = training_data_of(scene, options.image_bytes, options.seed);
-    if (data.stream != nullptr) {
-        reporter.warning(fmt::format(
-            "{} training images do not fit into {:.1f} GiB (--image-memory): {} at a time are in memory",
-            data.stream->size(), static_cast<double>(options.image_bytes) / (1ll << 30), data.stream->window()));
-    }
-    if (data.background) {
-        const auto& b = *data.background;
-        reporter.warning(fmt::format(
-            "the pictures have no alpha and one colour around their edges (#{:02x}{:02x}{:02x}): it is taken "
-            "for empty space",
-            std::lround(255 * b[0]), std::lround(255 * b[1]), std::lround(255 * b[2])));
-    }
+    for (const std::string& line : remarks(data)) reporter.warning(line);
     return train_field(data, options, reporter, checkpoint, resume);
 }
 

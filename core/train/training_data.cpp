@@ -145,6 +145,22 @@ TrainingData training_data_of(const Scene& scene, std::int64_t image_bytes, std:
     return data;
 }
 
+std::vector<std::string> remarks(const TrainingData& data) {
+    std::vector<std::string> lines;
+    if (data.stream != nullptr) {
+        lines.push_back(fmt::format("{} training images are more than --image-memory: {} at a time are in memory",
+                                    data.stream->size(), data.stream->window()));
+    }
+    if (data.background) {
+        const auto& b = *data.background;
+        lines.push_back(fmt::format(
+            "the pictures have no alpha and one colour around their edges (#{:02x}{:02x}{:02x}): it is taken "
+            "for empty space",
+            std::lround(255 * b[0]), std::lround(255 * b[1]), std::lround(255 * b[2])));
+    }
+    return lines;
+}
+
 RayBatch draw_rays(const ImageSet& images, std::int64_t count, Random& random) {
     std::vector<std::int64_t> first{0};  // pixels before each image
     for (const Tensor& pixels : images.pixels) first.push_back(first.back() + pixels.size(0) * pixels.size(1));

@@ -42,6 +42,9 @@ constexpr std::int64_t usual_image_bytes = 2ll << 30;
 // Images beyond `image_bytes` in all are streamed, in an order that depends on the seed.
 TrainingData training_data_of(const Scene& scene, std::int64_t image_bytes = usual_image_bytes, std::uint64_t seed = 0);
 
+// What a user should know of them, one line each: that they are streamed, what is taken for empty space.
+std::vector<std::string> remarks(const TrainingData& data);
+
 struct RayBatch {
     RayBundle rays;
     Tensor colors;  // R×4
