@@ -223,6 +223,10 @@ def main() -> None:
     bpy.ops.wm.read_factory_settings(use_empty=True)
     SCENES[options.name]()
     demo.light()
+    if options.name == "room":  # the sky is shut out: a wide lamp under the ceiling
+        lamp = bpy.data.objects["lamp"]
+        lamp.data.energy, lamp.data.size = 900.0, 6.0
+        lamp.matrix_world = [[1, 0, 0, 0], [0, 1, 0, 0], [0, 0, 1, 0], [0, 0, 3.4, 1]]
     demo.use_cycles(options.samples, options.threads)
     intrinsics = cameras.Intrinsics.from_angle_x(options.size, options.size, demo.ANGLE_X)
     counts = {"train": options.views, "val": options.views // 10, "test": options.views // 10}
