@@ -33,6 +33,7 @@ void run_train(const CommonOptions& common, TrainArguments options) {
         input_error("--backbone {}: this version trains the hash backbone; use --backbone hash", options.backbone);
     if (options.minutes > 0) options.train.minutes = options.minutes;
     if (options.iterations > 0) options.train.iterations = options.iterations;
+    set_field(options);
     options.train.seed = common.seed;
     options.train.image_bytes = static_cast<std::int64_t>(options.image_memory * (1ll << 30));
     const Reporter reporter = console_reporter(common, "train");
@@ -44,10 +45,7 @@ void run_train(const CommonOptions& common, TrainArguments options) {
     const std::filesystem::path output = options.output;
     std::filesystem::path checkpoint = output;
     checkpoint.replace_extension(".checkpoint.safetensors");
-    const TrainingData data = training_data_of(scene, options.train.image_bytes, common.seed);
-    for (const std::string& line : remarks(data)) reporter.warning(line);
-    set_field(options);
-    const TrainResult result = train_field(data, options.train, reporter, checkpoint, options.resume);
+    const TrainResult result = train_field(scene, options.train, reporter, checkpoint, options.resume);
     Json figures = result.report.to_json();
     // No times in the file: the same seed gives the same bytes.
     result.field->save(output,

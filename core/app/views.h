@@ -10,7 +10,7 @@ namespace fieldgraft::app {
 // --background, --compositing and what else a picture depends on.
 struct PictureOptions {
     std::string background = "scene", compositing = "paper", color = "view";
-    // draft, preview or final: points of the front in docs/accuracy-and-time.md, about half and two thirds of the time.
+    // draft, preview or final: points of the front in docs/accuracy-and-time.md, the first two for about half the time.
     std::string quality = "final";
     double scale = 1;
 };

@@ -156,7 +156,7 @@ float OccupancyGrid::limit() const {
 }
 
 Tensor OccupancyGrid::cells() const {
-    return values_.gt(limit()).logical_and_(seen_).to(at::kByte);
+    return values_.gt(limit()).to(at::kByte);  // of cells that are not seen the value stays 0
 }
 
 double OccupancyGrid::share() const {

@@ -38,7 +38,8 @@ inline Tensor uniform_image(Random& random, const std::vector<std::int64_t>& sha
 class TemporaryFolder {
   public:
     TemporaryFolder() {
-        std::string name = (std::filesystem::temp_directory_path() / "fieldgraft_test_XXXXXX").string();
+        const std::string placeholder(6, 'X');  // what mkdtemp fills in
+        std::string name = (std::filesystem::temp_directory_path() / ("fieldgraft_test_" + placeholder)).string();
         if (!mkdtemp(name.data())) failure("cannot make {}", name);
         path_ = name;
     }
