@@ -163,6 +163,20 @@ def tower_rows(towers: dict[str, Any] | None) -> list[list[str]]:
     ]
 
 
+def peer_rows(peer: dict[str, Any] | None) -> list[list[str]]:
+    if peer is None:
+        return []
+    ours, theirs = peer["ours"][-1], peer["nerfstudio"]
+    last, reached = theirs["curve"][-1], theirs["seconds_to_psnr"]
+    times = (reached or last["seconds"]) / ours["seconds"]
+    got = f"{reached:.0f} s" if reached else f"{last['psnr']:.1f} dB after {last['seconds']:.0f} s"
+    return [
+        [f"training to {peer['psnr']:g} dB, s", f"{ours['seconds']:.0f}", ""],
+        ["nerfstudio 1.1.5 on these cores (nerfacto in torch)", f"{got}, {last['iterations']:,} iterations", ""],
+        ["times nerfstudio's speed", f"{'' if reached else 'over '}{times:.0f}", "10 / 25"],
+    ]
+
+
 def image_rows(images: dict[str, Any]) -> list[list[str]]:
     lego = json.loads(FIGURES.read_text(encoding="utf-8"))["field"][-1]
     rows = [[f"memory while training lego for {lego['minutes']:g} minutes, GiB", f"{lego['peak_mib'] / 1024:.2f}"]]
@@ -191,6 +205,7 @@ def speed_table(report: dict[str, Any]) -> str:
     rows = [
         *training_rows(report["training"]),
         *network_rows(report["networks"]),
+        *peer_rows(report.get("peer")),
         [f"training, 1 to {threads} threads: times faster", f"{faster:.2f}", "1.8 / 1.95"],
         ["a 400x400 view of the field, s", range_of(report["render"]["seconds_a_view"], 3), "0.25 / 0.1"],
         *edits,

@@ -95,12 +95,15 @@ def main() -> None:
     parser.add_argument("--field", type=Path, help="of the scene, for --page")
     parser.add_argument("--edit", type=Path, help="of that field, for --page")
     parts = "kernels,training,scaling,render,edit,towers,bake,images,growth"
-    parser.add_argument("--only", default=parts, help="parts of --page")
+    parser.add_argument("--only", default=parts, help=f"parts of --page: {parts}, and peer")
+    parser.add_argument("--peer-python", type=Path, help="Python of an environment with nerfstudio, for the part peer")
     parser.add_argument("--repeats", type=int, default=3, help="of every figure of --page")
     args = parser.parse_args()
     if args.page:
         if args.field is None:
             parser.error("--page needs --field, a trained field of the scene")
+        if "peer" in args.only.split(",") and args.peer_python is None:
+            parser.error("the part peer needs --peer-python (peer_nerfstudio.py says what of)")
         import performance
 
         performance.measure_all(args)

@@ -10,6 +10,12 @@ namespace fieldgraft {
 // the field's box; a thousandth of the optical depth may lie outside on each side, so that a floater does not count.
 // Never more than the field's box, which it is where nothing is found. `options` as for sample_volume, but for the
 // voxel.
+// It looks at voxels of a 128th of the field's box, and counts those that hold something.
+struct Content {
+    double edge = 0;          // model units
+    std::int64_t voxels = 0;  // of a 128th of the box's edge
+};
+Content content_of(const FieldGeometry& geometry, const VolumeSource& medium, SamplingOptions options);
 double content_edge(const FieldGeometry& geometry, const VolumeSource& medium, SamplingOptions options);
 
 }  // namespace fieldgraft

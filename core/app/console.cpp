@@ -55,6 +55,11 @@ class People {
         const std::string kind = event.value("event", "");
         if (kind == "progress") {
             show_progress(event);
+        } else if (kind == "forecast") {
+            const std::string what =
+                event.contains("psnr") ? fmt::format("{:.1f} dB: ", event["psnr"].get<double>()) : "";
+            std::fprintf(stderr, "%s%sabout %s\n", terminal_ ? "\r\033[K" : "", what.c_str(),
+                         duration(60 * event.value("minutes", 0.0)).c_str());
         } else if (kind == "warning") {
             std::fprintf(stderr, "%swarning: %s\n", terminal_ ? "\r\033[K" : "", event.value("message", "").c_str());
         }

@@ -1,4 +1,5 @@
-// fieldgraft profile SCENE|FIELD [EDIT…]: what accuracy costs in time, as tables and charts.
+// fieldgraft profile SCENE|FIELD [EDIT…]: what accuracy costs in time, as tables and charts. With --calibrate: how fast
+// this machine is, for later predictions; with --forecast: what training a scene will reach.
 #include <algorithm>
 #include <memory>
 
@@ -6,6 +7,8 @@
 #include "core/app/inputs.h"
 #include "core/base/errors.h"
 #include "core/edit/edit_cameras.h"
+#include "core/profile/forecast.h"
+#include "core/profile/machine_rates.h"
 #include "core/profile/report.h"
 #include "core/profile/sweeps.h"
 
@@ -17,7 +20,7 @@ struct ProfileArguments {
     std::string output, scene, guidance, judge;
     int views = 3, repeats = 3, resolution = 256;
     double minutes = 1;
-    bool resume = false;
+    bool resume = false, calibrate = false, forecast = false;
 };
 
 // What is measured on: given files, and what was made of them.
@@ -166,7 +169,40 @@ Json description(const ProfileArguments& options, const CommonOptions& common, c
     return about;
 }
 
+void run_calibration(const CommonOptions& common, const ProfileArguments& options) {
+    if (!options.files.empty()) input_error("--calibrate measures the machine and takes no files");
+    const Stopwatch watch;
+    const MachineRates rates = measure_machine(console_reporter(common, "calibrate"));
+    save_rates(rates);
+    Json figures = rates.to_json();
+    figures["speed"] = rates.speed();
+    figures["seconds"] = watch.seconds();
+    figures["path"] = machine_file().string();
+    print_done(common, figures);
+}
+
+// What training a scene for the usual times will come to.
+void run_forecast(const CommonOptions& common, const ProfileArguments& options) {
+    if (options.files.size() != 1 || is_field(options.files.front()))
+        input_error("--forecast takes one SCENE, and trains on it for a moment");
+    const Reporter reporter = console_reporter(common, "forecast");
+    const Stopwatch watch;
+    const Forecast told = probe(training_data_of(Scene::load(options.files.front())), common.seed, reporter);
+    Json points = Json::array(), figures;
+    for (const double minutes : {0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 30.0}) {
+        points.push_back({{"minutes", minutes}, {"psnr", told.psnr_after(minutes)}});
+        figures[fmt::format("PSNR after {:g} min", minutes)] = told.psnr_after(minutes);
+    }
+    if (common.json) figures = {{"forecast", points}};
+    figures["seconds"] = watch.seconds();
+    print_done(common, figures);
+}
+
 void run_profile(const CommonOptions& common, const ProfileArguments& options) {
+    if (options.calibrate) return run_calibration(common, options);
+    if (options.forecast) return run_forecast(common, options);
+    if (options.files.empty() || options.output.empty())
+        input_error("profile: give SCENE or FIELD [EDIT…], and -o DIR; or --calibrate; or SCENE --forecast");
     const Reporter reporter = console_reporter(common, "profile");
     const Inputs inputs = read_inputs(options, reporter);
     if (inputs.cameras.empty()) input_error("{}: no views to measure on", inputs.name);
@@ -189,9 +225,12 @@ void run_profile(const CommonOptions& common, const ProfileArguments& options) {
 void add_profile(Program& program) {
     auto options = std::make_shared<ProfileArguments>();
     CLI::App* app = program.command("profile", "measure what accuracy costs in time");
-    app->add_option("FILES", options->files, "SCENE (training), or FIELD [EDIT…] (rendering, baking, the last edit)")
-        ->required();
-    app->add_option("-o,--output", options->output, "a folder for tables and charts")->required();
+    app->add_option("FILES", options->files, "SCENE (training), or FIELD [EDIT…] (rendering, baking, the last edit)");
+    app->add_option("-o,--output", options->output, "a folder for tables and charts");
+    app->add_flag("--forecast", options->forecast, "say what PSNR training will reach, from 16 seconds on the scene");
+    app->add_flag(
+        "--calibrate", options->calibrate,
+        "measure this machine (ten seconds), so that train knows what fits into --minutes and info what things take");
     app->add_option("--scene", options->scene, "the field's scene: its test views and, for edits, its poses");
     app->add_option("--sweeps", options->sweeps, "training, rendering, editing, baking (default: what FILES allow)")
         ->delimiter(',')

@@ -2,9 +2,12 @@
 #include "core/train/trainer.h"
 
 #include <memory>
+#include <regex>
 
 #include "core/app/console.h"
 #include "core/base/errors.h"
+#include "core/profile/forecast.h"
+#include "core/profile/machine_rates.h"
 
 namespace fieldgraft::app {
 namespace {
@@ -15,8 +18,41 @@ struct TrainArguments {
     double minutes = 0, downscale = 1, image_memory = static_cast<double>(usual_image_bytes) / (1ll << 30);
     std::int64_t iterations = 0;
     int table = 0, levels = 0, width = 0;  // 0: as the time given asks for
+    std::string error;                     // "30dB": train for as long as that takes
     bool resume = false;
 };
+
+double decibels(const std::string& text) {
+    static const std::regex form(R"(\s*([0-9]{1,2}(\.[0-9]+)?)\s*(dB)?\s*)");
+    std::smatch parts;
+    if (!std::regex_match(text, parts, form)) input_error("--error {}: a PSNR is needed, such as 30dB", text);
+    return std::stod(parts[1]);
+}
+
+// How long a PSNR takes on this scene and machine, from a probe of both.
+double minutes_for(const std::string& error, const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
+    const double asked = decibels(error);
+    const Forecast forecast = probe(data, seed, reporter);
+    const std::optional<double> minutes = forecast.minutes_for(asked);
+    if (!minutes) {
+        input_error("--error {}: this scene is likely to reach {:.1f} dB in {:g} minutes on this machine; ask for less",
+                    error, forecast.psnr_after(Forecast::most_minutes), Forecast::most_minutes);
+    }
+    reporter.event({{"event", "forecast"}, {"minutes", *minutes}, {"psnr", forecast.psnr_after(*minutes)}});
+    return *minutes;
+}
+
+// How long to train where a PSNR is asked for, and what suits a machine that has been measured.
+void plan_time(TrainArguments& options, const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
+    const std::optional<MachineRates> rates = load_rates();
+    if (rates) options.train.speed = rates->speed();
+    if (!options.error.empty()) options.train.minutes = minutes_for(options.error, data, seed, reporter);
+    if (rates && options.train.iterations) {
+        const double samples = static_cast<double>(*options.train.iterations * options.train.samples);
+        const double seconds = training_seconds(*rates, options.train.field_config(), samples);
+        reporter.event({{"event", "forecast"}, {"minutes", seconds / 60}});
+    }
+}
 
 // What the budget would take, with what the user set instead.
 void set_field(TrainArguments& options) {
@@ -33,7 +69,6 @@ void run_train(const CommonOptions& common, TrainArguments options) {
         input_error("--backbone {}: this version trains the hash backbone; use --backbone hash", options.backbone);
     if (options.minutes > 0) options.train.minutes = options.minutes;
     if (options.iterations > 0) options.train.iterations = options.iterations;
-    set_field(options);
     options.train.seed = common.seed;
     options.train.image_bytes = static_cast<std::int64_t>(options.image_memory * (1ll << 30));
     const Reporter reporter = console_reporter(common, "train");
@@ -45,7 +80,11 @@ void run_train(const CommonOptions& common, TrainArguments options) {
     const std::filesystem::path output = options.output;
     std::filesystem::path checkpoint = output;
     checkpoint.replace_extension(".checkpoint.safetensors");
-    const TrainResult result = train_field(scene, options.train, reporter, checkpoint, options.resume);
+    const TrainingData data = training_data_of(scene, options.train.image_bytes, common.seed);
+    for (const std::string& line : remarks(data)) reporter.warning(line);
+    plan_time(options, data, common.seed, reporter);
+    set_field(options);
+    const TrainResult result = train_field(data, options.train, reporter, checkpoint, options.resume);
     Json figures = result.report.to_json();
     // No times in the file: the same seed gives the same bytes.
     result.field->save(output,
@@ -72,6 +111,11 @@ void add_train(Program& program) {
         app->add_option("--iterations", options->iterations, "train for so many steps")->check(CLI::PositiveNumber);
     minutes->excludes(iterations)->excludes(quality);
     iterations->excludes(quality);
+    app->add_option("--error", options->error,
+                    "train for as long as this PSNR takes, such as 30dB: told from sixteen seconds on the scene itself")
+        ->excludes(minutes)
+        ->excludes(iterations)
+        ->excludes(quality);
     app->add_option("--precision", options->train.precision,
                     "of the networks while training: bfloat16 (where the machine is fast at it) or float32")
         ->check(CLI::IsMember({"bfloat16", "float32"}));

@@ -6,7 +6,6 @@
 
 #include <cstdlib>
 #include <fstream>
-#include <string>
 
 namespace fieldgraft {
 
@@ -26,6 +25,19 @@ double peak_mib() {
     rusage usage{};
     getrusage(RUSAGE_SELF, &usage);
     return kib * static_cast<double>(usage.ru_maxrss);
+}
+
+std::string machine_name() {
+    std::ifstream cpu("/proc/cpuinfo");
+    for (std::string line; std::getline(cpu, line);) {
+        const auto colon = line.find(": ");
+        if (line.rfind("model name", 0) == 0 && colon != std::string::npos) return line.substr(colon + 2);
+    }
+    return "unknown";
+}
+
+int process_id() {
+    return getpid();
 }
 
 void bound_waiting(char** argv) {

@@ -174,18 +174,10 @@ EditSamples EditField::evaluate(const Tensor& positions, const Tensor& index) co
     const bool all = index.size(0) == positions.size(0);
     const Tensor inside = in_cells(geometry_, support_, all ? positions : positions.index_select(0, index));
     const Tensor asked = inside.all().item<bool>() ? index : index.masked_select(inside);
-    Tensor hidden_weight = parameters_.at("hidden.weight");
-    if (std::any_of(level_weights_.begin(), level_weights_.end(), [](float w) { return w != 1; }))
-        hidden_weight = hidden_weight * torch::tensor(level_weights_).repeat_interleave(config_.features_per_level);
-    std::vector<Tensor> weights, biases;
+    const EditMatrices m = matrices();
+    const std::vector<Tensor> values = edit_network(network_, positions, asked, m.table, m.hidden_weight, m.hidden_bias,
+                                                    m.output_weight, m.output_bias);
     const std::vector<Head> heads = heads_of(config_);
-    for (const Head& head : heads) {
-        weights.push_back(parameters_.at(std::string(head.name) + ".weight"));
-        biases.push_back(parameters_.at(std::string(head.name) + ".bias"));
-    }
-    const std::vector<Tensor> values =
-        edit_network(network_, positions, asked, parameters_.at("grid.table"), hidden_weight,
-                     parameters_.at("hidden.bias"), at::cat(weights), at::cat(biases));
     EditSamples out;
     for (std::size_t i = 0; i < heads.size(); ++i) {
         const std::string name = heads[i].name;
@@ -195,6 +187,19 @@ EditSamples EditField::evaluate(const Tensor& positions, const Tensor& index) co
                                   : out.beta_color) = values[i];
     }
     return out;
+}
+
+EditMatrices EditField::matrices() const {
+    Tensor hidden_weight = parameters_.at("hidden.weight");
+    if (std::any_of(level_weights_.begin(), level_weights_.end(), [](float w) { return w != 1; }))
+        hidden_weight = hidden_weight * torch::tensor(level_weights_).repeat_interleave(config_.features_per_level);
+    std::vector<Tensor> weights, biases;
+    for (const Head& head : heads_of(config_)) {
+        weights.push_back(parameters_.at(std::string(head.name) + ".weight"));
+        biases.push_back(parameters_.at(std::string(head.name) + ".bias"));
+    }
+    return {parameters_.at("grid.table"), hidden_weight, parameters_.at("hidden.bias"), at::cat(weights),
+            at::cat(biases)};
 }
 
 void EditField::set_first_color(const std::array<float, 3>& color) {

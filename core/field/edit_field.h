@@ -57,6 +57,11 @@ struct EditSamples {
     Operations operations() const { return {density_e.defined(), beta_density.defined(), beta_color.defined()}; }
 };
 
+// What edit_network() takes beside positions; level weights folded in, the heads one below the other.
+struct EditMatrices {
+    Tensor table, hidden_weight, hidden_bias, output_weight, output_bias;
+};
+
 class EditField {
   public:
     EditField(const EditFieldConfig& config, const FieldGeometry& geometry, std::uint64_t seed);
@@ -64,6 +69,8 @@ class EditField {
     // The same, 0 but for the samples `index` (M int64, ascending) of the N.
     EditSamples evaluate(const Tensor& positions, const Tensor& index) const;
 
+    const EditNetwork& network() const { return *network_; }
+    EditMatrices matrices() const;
     const std::map<std::string, Tensor>& parameters() const { return parameters_; }
     const EditFieldConfig& config() const { return config_; }
     const FieldGeometry& geometry() const { return geometry_; }

@@ -1,7 +1,9 @@
 #include "core/render/blended_view.h"
 
+#include <algorithm>
+
 #include "core/base/errors.h"
-#include "core/field/cells.h"
+#include "core/render/blended_pass.h"
 
 namespace fieldgraft {
 namespace {
@@ -57,31 +59,53 @@ BlendedRays blended_chunk(const RadianceField& field, const EditStack& items, co
     return out;
 }
 
+// The paper's map of what is removed sums over samples that no light comes from.
+bool sums_over_hidden(const EditStack& items, const BlendedOptions& options) {
+    return options.blend.removed == RemovedMap::paper &&
+           std::any_of(items.begin(), items.end(), [](const StackItem& item) { return item.active().remove; });
+}
+
 std::array<Tensor*, 9> parts(BlendedRays& rays) {
     return {&rays.color, &rays.alpha,   &rays.depth,   &rays.color_edit, &rays.alpha_edit,
             &rays.added, &rays.removed, &rays.changed, &rays.edited};
+}
+
+// Two pictures' rays in their places.
+BlendedRays joined(BlendedRays& a, const Tensor& at_a, BlendedRays& b, const Tensor& at_b) {
+    BlendedRays out;
+    const auto to = parts(out), from_a = parts(a), from_b = parts(b);
+    for (std::size_t i = 0; i < to.size(); ++i) {
+        std::vector<std::int64_t> shape = from_a[i]->sizes().vec();
+        shape[0] = at_a.size(0) + at_b.size(0);
+        *to[i] = at::empty(shape, at::kFloat).index_copy_(0, at_a, *from_a[i]).index_copy_(0, at_b, *from_b[i]);
+    }
+    return out;
+}
+
+BlendedRays blended_in_chunks(const RadianceField& field, const EditStack& items, const RayBundle& rays,
+                              const BlendedOptions& options) {
+    if (rays.size() == 0) return plain_rays(field, rays, options);
+    std::vector<BlendedRays> chunks;
+    for (std::int64_t first = 0; first < rays.size(); first += options.render.chunk_rays) {
+        const std::int64_t n = std::min(options.render.chunk_rays, rays.size() - first);
+        const RayBundle chunk{rays.origins.narrow(0, first, n), rays.directions.narrow(0, first, n)};
+        chunks.push_back(blended_chunk(field, items, chunk, options));
+    }
+    BlendedRays out;
+    const auto to = parts(out);
+    for (std::size_t i = 0; i < to.size(); ++i) {
+        std::vector<Tensor> pieces;
+        for (BlendedRays& chunk : chunks) pieces.push_back(*parts(chunk)[i]);
+        *to[i] = at::cat(pieces);
+    }
+    return out;
 }
 
 }  // namespace
 
 Tensor touched_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
                     const MarchOptions& options) {
-    const EditStack items = active_items(stack);
-    Tensor touched = at::zeros({rays.size()}, at::kBool);
-    if (items.empty()) return touched;
-    const Tensor& occupancy = field.occupancy();
-    Tensor visited = occupancy;
-    for (const StackItem& item : items) {
-        if (!item.field->support().defined()) return at::ones({rays.size()}, at::kBool);
-        if (!item.active().add || !visited.defined()) continue;
-        visited = union_of(visited, resampled_cells(item.field->support(), static_cast<int>(occupancy.size(0))));
-    }
-    const Samples samples = march(field.geometry(), visited, rays, options);
-    Tensor inside = at::zeros({samples.size()}, at::kBool);
-    for (const StackItem& item : items) {
-        inside.logical_or_(in_cells(field.geometry(), item.field->support(), samples.positions));
-    }
-    return touched.index_fill_(0, samples.ray.index_select(0, inside.nonzero().squeeze(1)), true);
+    return rays_through_support(field, active_items(stack), rays, options);
 }
 
 BlendedRays render_blended_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
@@ -90,21 +114,18 @@ BlendedRays render_blended_rays(const RadianceField& field, const EditStack& sta
     if (options.render.march.jitter != nullptr) throw std::invalid_argument("pictures are rendered without jitter");
     check_stack(field, stack);
     const EditStack items = active_items(stack);
-    BlendedRays out = plain_rays(field, rays, options);
-    if (items.empty() && !options.color) return out;
-    const std::int64_t count = rays.size();
-    for (std::int64_t first = 0; first < count; first += options.render.chunk_rays) {
-        const std::int64_t n = std::min(options.render.chunk_rays, count - first);
-        const RayBundle chunk{rays.origins.narrow(0, first, n), rays.directions.narrow(0, first, n)};
-        const Tensor touched =
-            options.color ? at::ones({n}, at::kBool) : touched_rays(field, items, chunk, options.render.march);
-        const Tensor index = touched.nonzero().squeeze(1);
-        if (index.size(0) == 0) continue;
-        BlendedRays part = blended_chunk(field, items, selected(chunk, index), options);
-        const auto from = parts(part), to = parts(out);
-        for (std::size_t i = 0; i < to.size(); ++i) to[i]->index_copy_(0, index + first, *from[i]);
-    }
-    return out;
+    if (items.empty() && !options.color) return plain_rays(field, rays, options);
+    if (options.color) return blended_in_chunks(field, items, rays, options);
+    const Tensor touched = rays_through_support(field, items, rays, options.render.march);
+    const Tensor index = touched.nonzero().squeeze(1), rest = touched.logical_not().nonzero().squeeze(1);
+    if (index.size(0) == 0) return plain_rays(field, rays, options);
+    // What no edit can reach is f's own, by f's own way.
+    const RayBundle reached = selected(rays, index);
+    BlendedRays plain = plain_rays(field, selected(rays, rest), options);
+    BlendedRays blended = sums_over_hidden(items, options)
+                              ? blended_in_chunks(field, items, reached, options)
+                              : draw_blended(field, items, reached, options.render.march, options.blend.compositing);
+    return joined(plain, rest, blended, index);
 }
 
 BlendedRays render_blended_view(const RadianceField& field, const EditStack& stack, const RayBundle& rays, int height,

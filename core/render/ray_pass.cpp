@@ -4,6 +4,7 @@
 #include <cmath>
 
 #include "core/kernels/composite_ref.h"
+#include "core/render/block_colors.h"
 
 namespace fieldgraft {
 namespace {
@@ -11,9 +12,8 @@ namespace {
 constexpr float same_as_background = 0.03f, empty_weight = 0.05f;
 
 // What is computed of one block, kept from block to block for its memory.
-struct Activations {
-    std::vector<float> base, hidden0, hidden1, color;  // colour network
-    std::vector<float> shown, transmittance, depth;    // of the rays
+struct Activations : BlockColors {
+    std::vector<float> shown, transmittance, depth;  // of the rays
     std::vector<float> shown_grad, transmittance_grad, density_grad, color_grad;
     std::vector<float> base_grad, features_grad, encoded_grad;
 };
@@ -23,14 +23,8 @@ CompositeInput<float> composite_input(const RayBlock& block, const Activations& 
 }
 
 void forward(const KernelField& field, const RayBlock& block, Activations& a) {
-    const std::size_t n = block.samples(), rays = block.rays();
-    a.base.resize(rays * field.hidden_row);
-    a.hidden0.resize(n * field.hidden_row);
-    a.hidden1.resize(n * field.hidden_row);
-    a.color.resize(3 * n);
-    ray_color_base(field.weights, block.basis.data(), static_cast<int>(rays), a.base.data());
-    color_mlp_forward(field.weights, block.features.data(), block.ray.data(), a.base.data(), static_cast<int>(n),
-                      a.hidden0.data(), a.hidden1.data(), a.color.data());
+    const std::size_t rays = block.rays();
+    a.compute(field, block);
     a.shown.resize(3 * rays);
     a.transmittance.resize(rays);
     a.depth.resize(rays);

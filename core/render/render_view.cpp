@@ -1,22 +1,26 @@
 #include "core/render/render_view.h"
 
+#include <atomic>
+
 #include "core/base/errors.h"
 #include "core/base/spans.h"
 #include "core/field/torch_parallel.h"
 #include "core/render/ray_pass.h"
 
 namespace fieldgraft {
-RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
-    at::NoGradGuard no_grad;
+namespace {
+
+// body(field, cells, rays) for ranges of the rays, each on one thread.
+template <class Body>
+void over_ranges(const RadianceField& field, const RayBundle& rays, const RenderOptions& options, Body body) {
     if (options.chunk_rays < 1) {
         throw std::invalid_argument(fmt::format("chunk_rays must be positive, not {}", options.chunk_rays));
     }
     check_rays(rays);
     check_transmittance(options.march);
     const std::int64_t count = rays.size();
-    RenderedRays out{at::empty({count, 3}, at::kFloat), at::empty({count}, at::kFloat), at::empty({count}, at::kFloat)};
     const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
-    const Tensor jitter = draw_jitter(options.march.jitter, count), transmittance = at::empty({count}, at::kFloat);
+    const Tensor jitter = draw_jitter(options.march.jitter, count);
     const MarchRays march{values(origins), values(directions),
                           jitter.defined() ? values(jitter) : std::span<const float>(),
                           march_step(field.geometry(), options.march), options.march.near};
@@ -24,11 +28,32 @@ RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, cons
     const MarchGrid cells = march_grid_of(field.geometry(), field.occupancy());
     share_out((count + rays_a_range - 1) / rays_a_range, [&](std::int64_t i) {
         const std::int64_t first = i * rays_a_range, last = std::min(first + rays_a_range, count);
-        draw_range(kernel, cells, {march, first, last, options.march.min_transmittance}, mutable_values(out.color),
-                   mutable_values(transmittance), mutable_values(out.depth));
+        body(kernel, cells, RayRange{march, first, last, options.march.min_transmittance});
+    });
+}
+
+}  // namespace
+
+RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
+    at::NoGradGuard no_grad;
+    const std::int64_t count = rays.size();
+    RenderedRays out{at::empty({count, 3}, at::kFloat), at::empty({count}, at::kFloat), at::empty({count}, at::kFloat)};
+    const Tensor transmittance = at::empty({count}, at::kFloat);
+    over_ranges(field, rays, options, [&](const KernelField& kernel, const MarchGrid& cells, const RayRange& range) {
+        draw_range(kernel, cells, range, mutable_values(out.color), mutable_values(transmittance),
+                   mutable_values(out.depth));
     });
     at::sub_out(out.alpha, at::ones_like(transmittance), transmittance);
     return out;
+}
+
+std::int64_t visible_samples(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
+    std::atomic<std::int64_t> samples{0};
+    over_ranges(field, rays, options, [&](const KernelField& kernel, const MarchGrid& cells, const RayRange& range) {
+        samples +=
+            static_cast<std::int64_t>(VisibleRays(kernel, cells, range, VisibleRays::Encoded::dropped).samples());
+    });
+    return samples;
 }
 
 RenderedView render_view(const RadianceField& field, const RayBundle& rays, int height, int width,

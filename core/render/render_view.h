@@ -24,6 +24,9 @@ struct RenderedRays {
 };
 RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, const RenderOptions& options = {});
 
+// The samples that these rays can see: what render_rays would ask the colour network for.
+std::int64_t visible_samples(const RadianceField& field, const RayBundle& rays, const RenderOptions& options = {});
+
 struct RenderedView {
     Tensor color;  // H×W×3, premultiplied
     Tensor alpha;  // H×W

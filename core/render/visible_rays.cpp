@@ -22,10 +22,19 @@ struct VisibleRays::Wave {
     std::vector<float> t;
     // n rows, n rows, n; written before they are read, so not filled with zeros first.
     std::unique_ptr<float[]> encoded, features, density;
+    std::vector<float> hiding, probed;  // of a probe
+
+    const float* hides() const { return hiding.empty() ? density.get() : hiding.data(); }
 };
 
-VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays, Encoded encoded)
-    : field_(field), cells_(cells), rays_(rays), encoded_(encoded), limit_(-std::log(rays.min_transmittance)) {
+VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays, Encoded encoded,
+                         const SampleProbe* probe)
+    : field_(field),
+      cells_(cells),
+      rays_(rays),
+      encoded_(encoded),
+      probe_(probe),
+      limit_(-std::log(rays.min_transmittance)) {
     find();
     sort_by_ray();
 }
@@ -112,6 +121,10 @@ void VisibleRays::evaluate(Wave& wave) const {
         const float limit = static_cast<float>(log_density_limit);
         wave.density[i] = std::exp(log_density > limit ? limit : log_density);
     }
+    if (probe_ == nullptr) return;
+    wave.hiding.resize(n);
+    wave.probed.assign(n * probe_->columns(), 0.0f);
+    probe_->look(wave.positions.data(), n, wave.density.get(), wave.hiding.data(), wave.probed.data());
 }
 
 // Notes which samples can be seen; returns the rays that see past them.
@@ -120,9 +133,10 @@ std::vector<std::int64_t> VisibleRays::look_past(Wave& wave, const std::vector<b
     const float step = static_cast<float>(rays_.march.step);
     for (std::size_t i = 0; i < wave.ray.size(); ++i) {
         const std::int64_t r = wave.ray[i];
+        const float* hides = wave.hides();
         std::size_t k = wave.first[i];
         for (; k < wave.first[i + 1] && depth_[r] <= limit_; ++k) {
-            depth_[r] += std::min(static_cast<double>(wave.density[k]) * step, 1e30);
+            depth_[r] += std::min(static_cast<double>(hides[k]) * step, 1e30);
         }
         segments_.push_back({r, &wave, wave.first[i], k - wave.first[i]});
         if (more[i] && depth_[r] <= limit_) active.push_back(r);
@@ -154,6 +168,8 @@ void VisibleRays::gather(RayBlock& block) const {
     block.encoded.resize(keep ? samples * e : 0);
     block.features.resize(samples * f);
     block.density.resize(samples);
+    const std::size_t p = probe_ == nullptr ? 0 : probe_->columns();
+    block.probed.resize(samples * p);
     std::size_t at = 0;
     for (std::int64_t r = block.begin; r < block.end; ++r) {
         block.start[r - block.begin] = static_cast<std::int64_t>(at);
@@ -165,6 +181,7 @@ void VisibleRays::gather(RayBlock& block) const {
             std::copy_n(w.features.get() + s.first * f, s.count * f, block.features.data() + at * f);
             std::copy_n(w.density.get() + s.first, s.count, block.density.data() + at);
             std::copy_n(w.t.data() + s.first, s.count, block.t.data() + at);
+            std::copy_n(w.probed.data() + s.first * p, s.count * p, block.probed.data() + at * p);
             std::fill_n(block.ray.data() + at, s.count, static_cast<std::int32_t>(r - block.begin));
             for (int c = 0; c < 3; ++c) {
                 std::copy_n(w.positions.data() + c * n + s.first, s.count, block.positions.data() + c * samples + at);

@@ -34,16 +34,29 @@ struct RayBlock {
     std::vector<float> features;      // N rows
     std::vector<float> density;       // N
     std::vector<float> basis;         // one row a ray: spherical harmonics of its direction
+    std::vector<float> probed;        // N rows of what a probe found
 
     std::size_t samples() const { return density.size(); }
     std::int64_t rays() const { return end - begin; }
 };
 
+// What else is asked of samples while the visible ones are looked for.
+class SampleProbe {
+  public:
+    virtual ~SampleProbe() = default;
+    // Numbers a sample, which go with it into its block.
+    virtual std::size_t columns() const = 0;
+    // positions 3×n, unit cube; density n: f's, and what is left of it on return; hiding n: what hides the samples
+    // behind, to be written; rows n×columns(), zero before. One thread of several.
+    virtual void look(const float* positions, std::size_t n, float* density, float* hiding, float* rows) const = 0;
+};
+
 class VisibleRays {
   public:
     enum class Encoded { kept, dropped };  // only gradients need it again
-    VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays,
-                Encoded encoded = Encoded::kept);
+    // `probe` may be null: then density hides.
+    VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays, Encoded encoded = Encoded::kept,
+                const SampleProbe* probe = nullptr);
     ~VisibleRays();
 
     std::size_t samples() const { return start_.back(); }
@@ -70,6 +83,7 @@ class VisibleRays {
     const MarchGrid& cells_;
     const RayRange rays_;
     const Encoded encoded_;
+    const SampleProbe* probe_;
     const double limit_;  // of the optical depth in front of a sample
     std::vector<double> depth_;
     std::vector<std::unique_ptr<Wave>> waves_;

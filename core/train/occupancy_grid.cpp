@@ -4,6 +4,7 @@
 
 #include "core/base/errors.h"
 #include "core/base/shape.h"
+#include "core/field/torch_parallel.h"
 
 namespace fieldgraft {
 namespace {

@@ -4,19 +4,15 @@
 
 #include "core/base/errors.h"
 #include "core/base/process.h"
-#include "core/base/spans.h"
-#include "core/field/torch_parallel.h"
 #include "core/render/render_view.h"
 #include "core/train/checkpoint.h"
+#include "core/train/fit_batch.h"
 
 namespace fieldgraft {
 namespace {
 
 constexpr std::int64_t refresh_interval = 16;  // iterations between looks at the occupancy
 constexpr int most_skipped_in_a_row = 8;
-// Where a ray ends in training: ten times what drawing leaves unseen, still far below the error of any fit, for a
-// fourth fewer samples inside what is opaque.
-constexpr double min_transmittance = 1e-3;
 
 double preset_minutes(const std::string& quality) {
     if (quality == "draft") return 1;
@@ -136,7 +132,8 @@ class Trainer {
     void iterate() {
         refresh_occupancy();
         const RayBatch batch = draw_rays(data_.images_at(state_.iteration), state_.rays, state_.random);
-        const std::vector<RangeFit> fits = fit(batch);
+        const BatchOptions how{options_.network_precision(), current_step(), data_.near(), data_.background};
+        const std::vector<RangeFit> fits = fit_batch(*state_.field, cells_, batch, how, state_.random);
         double error = 0;
         std::int64_t samples = 0;
         for (const RangeFit& part : fits) {
@@ -148,24 +145,6 @@ class Trainer {
         adapt_rays(samples);
         state_.samples += samples;
         ++state_.iteration;
-    }
-
-    // Forward and backward of a batch.
-    std::vector<RangeFit> fit(const RayBatch& batch) {
-        at::NoGradGuard no_grad;
-        const Tensor origins = batch.rays.origins.contiguous(), directions = batch.rays.directions.contiguous();
-        const Tensor jitter = draw_jitter(&state_.random, batch.rays.size());
-        const MarchRays rays{values(origins), values(directions), values(jitter), current_step(), data_.near()};
-        const KernelField kernel(*state_.field, options_.network_precision());
-        const std::int64_t total = batch.rays.size(), a_range = std::clamp<std::int64_t>(total / 16, 32, rays_a_range);
-        const std::int64_t count = (total + a_range - 1) / a_range;
-        std::vector<RangeFit> fits;
-        for (std::int64_t i = 0; i < count; ++i) fits.emplace_back(kernel.weights.shape());
-        share_out(count, [&](std::int64_t i) {
-            const RayRange range{rays, i * a_range, std::min((i + 1) * a_range, total), min_transmittance};
-            fit_range(kernel, cells_, range, values(batch.colors), data_.background, fits[i]);
-        });
-        return fits;
     }
 
     void count_step(bool good, double error) {
@@ -276,8 +255,9 @@ HashFieldConfig TrainOptions::field_config() const {
     HashFieldConfig config = field.value_or(HashFieldConfig());
     if (field || iterations) return config;
     // What reached furthest on lego in so much time (docs/accuracy-and-time.md).
-    config.log2_table_size = budget() < 0.4 ? 16 : budget() < 1 ? 17 : 18;
-    if (budget() < 2) config.density_hidden = config.color_hidden = 32;
+    const double minutes_worth = budget() * speed;
+    config.log2_table_size = minutes_worth < 0.4 ? 16 : minutes_worth < 1 ? 17 : 18;
+    if (minutes_worth < 2) config.density_hidden = config.color_hidden = 32;
     return config;
 }
 

@@ -35,6 +35,7 @@ struct TrainOptions {
     // Of the networks' products: "bfloat16" where the machine has them fast (field_mlp_amx.h; else float32), "float32".
     std::string precision = "bfloat16";
     double checkpoint_seconds = 30;
+    double speed = 1;  // of this machine, times that on which the budgets' fields were chosen
     std::int64_t image_bytes = usual_image_bytes;  // of training images kept in memory; more are streamed
 
     // The preset's minutes, unless `minutes` says otherwise.

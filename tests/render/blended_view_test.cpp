@@ -64,6 +64,47 @@ TEST(BlendedView, EmptySpaceIsVisitedOnlyForAdd) {
     EXPECT_NEAR((out.alpha - plain.alpha - out.added).abs().max().item<float>(), 0, 1e-5);
 }
 
+// The kernels' way against tensors' (which a colour of the caller's own still takes).
+TEST(BlendedView, IsWhatTensorsSay) {
+    const auto field = ball_field();
+    BlendedOptions fast, by_tensors;
+    by_tensors.color = [&](const Tensor& features, const Tensor&, const Tensor& directions) {
+        return field->color(features, directions);
+    };
+    for (const std::string& operations : all_operations) {
+        const auto edit = ball_edit(operations, {0.3f, 0, 0.1f}, 0.5f);
+        const auto other = ball_edit("add,remove,change", {-0.2f, 0.1f, 0}, 0.6f, 11);
+        for (const EditStack& stack :
+             {EditStack{{edit}}, EditStack{{edit, 0.6f, 0.7f, 0.8f}, {other, 0.5f, 1, 0.9f}}}) {
+            for (const Compositing rule : {Compositing::paper, Compositing::conserving}) {
+                fast.blend = by_tensors.blend = {rule, RemovedMap::visible};
+                const BlendedRays a = render_blended_rays(*field, stack, front_rays(size), fast);
+                const BlendedRays b = render_blended_rays(*field, stack, front_rays(size), by_tensors);
+                EXPECT_GT(a.edited.max().item<float>(), 0.05f) << operations;
+                for (const auto part : {&BlendedRays::color, &BlendedRays::alpha, &BlendedRays::depth,
+                                        &BlendedRays::color_edit, &BlendedRays::alpha_edit, &BlendedRays::added,
+                                        &BlendedRays::removed, &BlendedRays::changed, &BlendedRays::edited}) {
+                    EXPECT_LT((a.*part - b.*part).abs().max().item<float>(), 3e-4f) << operations;
+                }
+            }
+        }
+    }
+}
+
+TEST(BlendedView, DoesNotDependOnWhichRaysAreDrawnTogether) {
+    const auto field = ball_field();
+    const EditStack stack{{ball_edit("add,remove,change", {0.3f, 0, 0.1f}, 0.5f)}};
+    BlendedOptions options;
+    options.blend.removed = RemovedMap::visible;
+    const RayBundle rays = front_rays(size);
+    const Tensor half = at::arange(0, rays.size(), 2, at::kLong);
+    const RayBundle some{rays.origins.index_select(0, half), rays.directions.index_select(0, half)};
+    const BlendedRays all = render_blended_rays(*field, stack, rays, options);
+    const BlendedRays part = render_blended_rays(*field, stack, some, options);
+    EXPECT_TRUE(same_bits(all.color.index_select(0, half), part.color));
+    EXPECT_TRUE(same_bits(all.removed.index_select(0, half), part.removed));
+}
+
 TEST(BlendedView, ChangeKeepsTheGeometry) {
     const auto field = ball_field();
     const RenderedRays plain = render_rays(*field, front_rays(size));

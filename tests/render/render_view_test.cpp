@@ -73,6 +73,17 @@ TEST(RenderView, ChunksDoNotMatterAndShapesAreImages) {
     EXPECT_THROW(render_rays(field, rays, options), std::invalid_argument);
 }
 
+TEST(RenderView, CountsTheSamplesItAsksColoursOf) {
+    const RadianceField field = uneven_field();
+    const RayBundle rays = inward_rays(700, 11);  // more than a range
+    RenderOptions options;
+    options.march.step = 0.05;
+    const std::int64_t seen = visible_samples(field, rays, options);
+    EXPECT_EQ(seen, sample_visible(field, rays, options.march).samples.size());
+    options.march.step = 0.025;
+    EXPECT_GT(visible_samples(field, rays, options), seen);
+}
+
 TEST(RenderView, BackgroundFillsWhatIsTransparent) {
     const Tensor color = at::zeros({1, 2, 3}), alpha = torch::tensor({{0.f, 0.75f}});
     const Tensor shown = over_background_color(color, alpha, {1, 0.5f, 0});

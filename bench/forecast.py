@@ -1,0 +1,93 @@
+"""Does the cost model keep its word? What it tells beside what comes of it, scene by scene.
+
+    .venv/bin/python bench/forecast.py --program PROGRAM --scenes DIR DIR … [--minutes 1 3] [--out FILE.json]
+
+Measures the machine (`profile --calibrate`), then for every scene: the PSNR that `train --error` expects after those
+minutes and the test views' once they have passed; seconds of so many iterations, of a picture, of a bake. Scenes that
+nothing was chosen by: bench/scenes/make_scenes.py. --out: docs/results/forecast.json is what docs/accuracy-and-time.md
+shows.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+from typing import Any
+
+from run import commit, done_event
+
+ITERATIONS = 1500
+
+
+def events(command: list[Any]) -> list[dict[str, Any]]:
+    result = subprocess.run([*map(str, command), "--json"], stdout=subprocess.PIPE, text=True)
+    if result.returncode != 0:
+        sys.exit(f"forecast: {' '.join(map(str, command))} ended with exit code {result.returncode}")
+    return [json.loads(line) for line in result.stdout.splitlines() if line.startswith("{")]
+
+
+def told(scene_events: list[dict[str, Any]]) -> dict[str, Any]:
+    return next(e for e in scene_events if e["event"] == "forecast")
+
+
+class Check:
+    def __init__(self, program: Path, scene: Path, folder: Path) -> None:
+        self.program, self.scene, self.field = program, scene, folder / "f.safetensors"
+        self.rows: list[dict[str, Any]] = []
+
+    def note(self, what: str, told: float, came: float, unit: str) -> None:
+        row = {"scene": self.scene.name, "what": what, "told": round(told, 3), "came": round(came, 3), "unit": unit}
+        self.rows.append(row)
+        print(json.dumps(row), flush=True)
+
+    def errors(self, minutes: list[float]) -> None:
+        """What a probe says of several times, and what those times bring."""
+        probe = events([self.program, "profile", self.scene, "--forecast"])[-1]
+        expected = {point["minutes"]: point["psnr"] for point in probe["forecast"]}
+        self.note("the probe itself", 20, probe["seconds"], "s")
+        for m in minutes:
+            done_event([self.program, "train", self.scene, "-o", self.field, "--minutes", m])
+            found = done_event([self.program, "eval", self.field, "--scene", self.scene, "--split", "test"])
+            self.note(f"test PSNR after {m:g} min", expected[m], found["psnr"], "dB")
+
+    def times(self) -> None:
+        train = events([self.program, "train", self.scene, "-o", self.field, "--iterations", ITERATIONS])
+        self.note(f"{ITERATIONS:,} iterations", 60 * told(train)["minutes"], train[-1]["seconds"], "s")
+        expected = events([self.program, "info", self.field])[-1]["files"][0]["seconds"]
+        views = done_event([self.program, "eval", self.field, "--scene", self.scene, "--split", "test"])
+        self.note("a test view", expected["view"], views["seconds_per_view"], "s")
+        for resolution in (128, 256):
+            grid = ["-o", self.field.with_suffix(".vdb"), "--resolution", resolution]
+            baked = done_event([self.program, "bake", self.field, *grid])
+            self.note(f"a bake of {resolution}", expected[f"bake_{resolution}"], baked["seconds"], "s")
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--program", type=Path, required=True)
+    parser.add_argument("--scenes", type=Path, nargs="+", required=True)
+    parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 3.0])
+    parser.add_argument("--out", type=Path)
+    args = parser.parse_args()
+    rows = []
+    with tempfile.TemporaryDirectory() as cache:
+        os.environ["XDG_CACHE_HOME"] = cache
+        machine = done_event([args.program, "profile", "--calibrate"])
+        print(json.dumps(machine), flush=True)
+        for scene in args.scenes:
+            check = Check(args.program, scene, Path(cache))
+            check.times()
+            check.errors(args.minutes)
+            rows += check.rows
+    if args.out:
+        report = {"commit": commit(), "machine": machine["machine"], "calibration_seconds": machine["seconds"]}
+        args.out.write_text(json.dumps({**report, "rows": rows}, indent=1) + "\n")
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,42 @@
+#include "core/profile/forecast.h"
+
+#include <algorithm>
+#include <cmath>
+#include <stdexcept>
+
+#include "core/base/errors.h"
+#include "core/train/trainer.h"
+
+namespace fieldgraft {
+namespace {
+
+constexpr double ceiling = 43, exponent = 0.25;
+
+}  // namespace
+
+Forecast::Forecast(double psnr) : reached_(psnr) {
+    if (!std::isfinite(psnr)) throw std::invalid_argument(fmt::format("a forecast needs a PSNR, not {}", psnr));
+}
+
+double Forecast::psnr_after(double minutes) const {
+    if (!(60 * minutes >= probe_seconds))
+        throw std::invalid_argument(fmt::format("{} minutes are less than the probe takes", minutes));
+    const double gap = std::max(0.0, ceiling - reached_);
+    return reached_ + gap * (1 - std::pow(60 * minutes / probe_seconds, -exponent));
+}
+
+std::optional<double> Forecast::minutes_for(double psnr) const {
+    if (psnr <= reached_) return probe_seconds / 60;
+    if (psnr > psnr_after(most_minutes)) return {};
+    const double left = (ceiling - psnr) / (ceiling - reached_);
+    return probe_seconds * std::pow(left, -1 / exponent) / 60;
+}
+
+Forecast probe(const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
+    TrainOptions options;
+    options.minutes = Forecast::probe_seconds / 60;
+    options.seed = seed;
+    return Forecast(train_field(data, options, reporter).report.psnr);
+}
+
+}  // namespace fieldgraft
