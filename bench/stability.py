@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import argparse
 import json
-import math
 import os
 import subprocess
 import sys
@@ -35,7 +34,7 @@ def measured(build: Path) -> list[Row]:
         with tempfile.TemporaryDirectory() as folder:
             path = Path(folder) / "rows.json"
             environment = os.environ | {"FIELDGRAFT_STABILITY_OUT": str(path)}
-            command = [str(build / program), "--gtest_brief=1"]
+            command = [str(build / program), "--gtest_brief=1", "--gtest_filter=-Page.*"]  # the page is what is written
             if subprocess.run(command, env=environment).returncode != 0:
                 sys.exit(f"stability: {program} fails; nothing was written")
             rows += json.loads(path.read_text(encoding="utf-8"))
@@ -46,38 +45,50 @@ def number(value: float | str | None) -> str:
     if value is None:
         return "—"
     if isinstance(value, str):
-        return "NaN or ∞"
+        return value
     return "0" if value == 0 else f"{value:.1e}"
 
 
-def size(value: float | str) -> float:
-    return math.inf if isinstance(value, str) else value
+def textbook(row: Row) -> str:
+    """The worst finite error, and how often there was no number at all."""
+    lost = row.get("naive_lost", 0)
+    if not lost:
+        return number(row.get("naive"))
+    share = 100 * lost / row["cases"]
+    nothing = f"NaN or ∞ in {share:.0f} %" if share >= 1 else f"NaN or ∞ in {lost:,}"
+    return f"{number(row['naive'])}, {nothing}" if "naive" in row else nothing
 
 
-def summary(rows: list[Row]) -> list[Row]:
-    """The worst over all inputs, a quantity, part and path a row."""
-    worst: dict[tuple[str, str, str], Row] = {}
+def merged(rows: list[Row], *keys: str) -> list[Row]:
+    """The worst of all rows that agree in these keys."""
+    worst: dict[tuple[str, ...], Row] = {}
     for row in rows:
-        key = (row["quantity"], row["part"], row["path"])
-        kept = worst.setdefault(key, row | {"cases": 0})
+        key = tuple(row[k] for k in keys)
+        kept = worst.setdefault(key, row | {"cases": 0, "naive_lost": 0})
         kept["cases"] += row["cases"]
-        if size(row["ours"]) > size(kept["ours"]):
+        kept["naive_lost"] += row.get("naive_lost", 0)
+        if row["ours"] > kept["ours"]:
             kept |= {"ours": row["ours"], "input": row["input"]}
-        if "naive" in row and size(row["naive"]) > size(kept["naive"]):
-            kept["naive"] = row["naive"]
+        if "naive" in row:
+            kept["naive"] = max(row["naive"], kept.get("naive", 0))
         worst[key] = kept
     return list(worst.values())
 
 
+def summary(rows: list[Row]) -> list[Row]:
+    """The worst over all inputs, a quantity, part and path a row."""
+    return merged(rows, "quantity", "part", "path")
+
+
 def summary_table(rows: list[Row]) -> str:
-    heads = ["quantity", "part", "path", "cases", "textbook", "ours", "promised", "ours is worst at", "errors are shares of"]
+    heads = ["quantity", "part", "path", "cases", "textbook", "ours", "promised", "ours is worst at", "unit"]
     lines = [
         [
             row["quantity"],
             row["part"],
             row["path"],
             f"{row['cases']:,}",
-            number(row.get("naive")),
+            textbook(row),
             number(row["ours"]),
             f"{row['bound']:.1e}",
             row["input"] if row["ours"] else "—",
@@ -95,10 +106,10 @@ def full_table(rows: list[Row]) -> str:
     for row in rows:
         cells.setdefault((row["quantity"], row["part"], row["input"]), {})[row["path"]] = row
     lines = []
-    for (quantity, part, kind), found in cells.items():
-        naive = max((row["naive"] for row in found.values() if "naive" in row), key=size, default=None)
-        ours = [number(found[path]["ours"]) if path in found else "" for path in paths]
-        lines.append([quantity, part, kind, number(naive), *ours])
+    for row in merged(rows, "quantity", "part", "input"):
+        key = row["quantity"], row["part"], row["input"]
+        ours = [number(cells[key][path]["ours"]) if path in cells[key] else "" for path in paths]
+        lines.append([*key, textbook(row), *ours])
     return table(["quantity", "part", "input", "textbook", *paths], lines)
 
 

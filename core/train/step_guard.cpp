@@ -16,11 +16,12 @@ constexpr double memory = 0.95;  // of the running mean
 
 Json GuardState::to_json() const {
     const auto bits = [](double value) { return std::to_string(std::bit_cast<std::uint64_t>(value)); };
-    return {{"taken", taken},           {"steps", steps},
-            {"skipped", skipped},       {"skipped_in_a_row", skipped_in_a_row},
-            {"roll_backs", roll_backs}, {"scale", bits(scale)},
-            {"most", bits(most)},       {"level", bits(level)},
-            {"lowest", bits(lowest)},   {"first", bits(first)}};
+    return {{"taken", taken},       {"steps", steps},
+            {"skipped", skipped},   {"skipped_in_a_row", skipped_in_a_row},
+            {"idle", bits(idle)},   {"roll_backs", roll_backs},
+            {"scale", bits(scale)}, {"most", bits(most)},
+            {"level", bits(level)}, {"lowest", bits(lowest)},
+            {"first", bits(first)}};
 }
 
 GuardState GuardState::from_json(const Json& json) {
@@ -32,6 +33,7 @@ GuardState GuardState::from_json(const Json& json) {
     state.steps = json.at("steps").get<std::int64_t>();
     state.skipped = json.at("skipped").get<std::int64_t>();
     state.skipped_in_a_row = json.at("skipped_in_a_row").get<std::int64_t>();
+    state.idle = number("idle");
     state.roll_backs = json.at("roll_backs").get<std::int64_t>();
     state.scale = number("scale");
     state.most = number("most");
@@ -63,6 +65,7 @@ void StepGuard::put_back() {
     access_.put_back(good_);
     state_.level = good_level_;
     state_.skipped_in_a_row = 0;
+    state_.idle = 0;
 }
 
 bool StepGuard::blown_up() const {
@@ -79,7 +82,7 @@ void StepGuard::follow(double loss) {
     ++state_.steps;
 }
 
-StepGuard::Outcome StepGuard::after_step(bool taken, double loss, std::int64_t iteration) {
+StepGuard::Outcome StepGuard::after_step(bool taken, double loss, std::int64_t iteration, bool idle) {
     if (!taken) {
         ++state_.skipped;
         state_.scale *= 0.5;
@@ -89,9 +92,12 @@ StepGuard::Outcome StepGuard::after_step(bool taken, double loss, std::int64_t i
     state_.skipped_in_a_row = 0;
     state_.scale = std::min(state_.most, state_.scale * 1.01);
     follow(loss);
+    state_.idle = 0.98 * state_.idle + (idle ? 0.02 : 0);
+    if (state_.idle > limits_.idle && state_.level > limits_.floor)
+        return roll_back(fmt::format("{:.0f} % of the steps had no gradient at all", 100 * state_.idle));
     if (blown_up())
         return roll_back(fmt::format("the loss rose to {:.3g}, from {:.3g} at best", state_.level, state_.lowest));
-    const bool good = state_.steps >= young && state_.level <= 2 * state_.lowest;
+    const bool good = state_.steps >= young && state_.idle < 0.01 && state_.level <= 2 * state_.lowest;
     if (good && state_.steps % limits_.interval == 0) keep(iteration + 1);
     return Outcome::taken;
 }

@@ -1,5 +1,6 @@
 #include "core/train/trainer.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/base/errors.h"
@@ -26,6 +27,17 @@ double preset_minutes(const std::string& quality) {
 
 double psnr_of(double error) {
     return error > 0 ? -10 * std::log10(error) : std::numeric_limits<double>::infinity();
+}
+
+// Whether a step had anything to teach: no gradient of any matrix is one of no sample, or of networks that are dead.
+bool any_gradient(const std::vector<RangeFit>& fits) {
+    const auto alive = [](const std::vector<float>& sums) {
+        return std::any_of(sums.begin(), sums.end(), [](float x) { return x != 0; });
+    };
+    return std::any_of(fits.begin(), fits.end(), [&](const RangeFit& fit) {
+        const FieldMlpGradients& g = fit.gradients;
+        return alive(g.density1) || alive(g.density0) || alive(g.color2) || alive(g.color1) || alive(g.color0);
+    });
 }
 
 class Trainer {
@@ -151,7 +163,7 @@ class Trainer {
             samples += static_cast<std::int64_t>(part.samples);
         }
         const bool good = std::isfinite(error) && state_.optimizer.step(*state_.field, rate(), fits);
-        judge(guard_.after_step(good, error, state_.iteration));
+        judge(guard_.after_step(good, error, state_.iteration, !any_gradient(fits)));
         adapt_rays(samples);
         state_.samples += samples;
         ++state_.iteration;

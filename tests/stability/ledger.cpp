@@ -47,20 +47,27 @@ void Ledger::add(const std::string& quantity, const std::string& part, const std
     Row& row = place->second;
     if (fresh) row.bound = promise(quantity, part, path).bound;
     row.ours = std::max(row.ours, ours);
-    row.naive = std::max(row.naive, naive);
+    if (std::isfinite(naive)) {
+        row.naive = std::max(row.naive, naive);
+    } else {
+        ++row.naive_lost;
+    }
     ++row.cases;
     EXPECT_LE(ours, row.bound) << quantity << ", " << part << ", " << path << ", " << input;
 }
 
 void Ledger::write(const std::string& path) const {
     nlohmann::json rows = nlohmann::json::array();
-    for (const auto& [key, row] : rows_) {
-        nlohmann::json json{{"quantity", key[0]}, {"part", key[1]},
-                            {"path", key[2]},     {"input", key[3]},
-                            {"cases", row.cases}, {"ours", number(row.ours)},
-                            {"bound", row.bound}, {"unit", promise(key[0], key[1], key[2]).unit}};
-        if (row.naive >= 0) json["naive"] = number(row.naive);
-        rows.push_back(json);
+    for (const Promise& made : promises()) {
+        for (const auto& [key, row] : rows_) {
+            if (key[0] != made.quantity || key[1] != made.part || key[2] != made.path) continue;
+            nlohmann::json json{{"quantity", key[0]}, {"part", key[1]},     {"path", key[2]},
+                                {"input", key[3]},    {"cases", row.cases}, {"ours", number(row.ours)},
+                                {"bound", row.bound}, {"unit", made.unit}};
+            if (row.naive >= 0) json["naive"] = row.naive;
+            if (row.naive_lost > 0) json["naive_lost"] = row.naive_lost;
+            rows.push_back(json);
+        }
     }
     std::ofstream(path) << rows.dump(1) << '\n';
 }

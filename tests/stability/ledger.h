@@ -37,8 +37,8 @@ class Ledger {
 
   private:
     struct Row {
-        double ours = 0, naive = -1, bound = 0;
-        long cases = 0;
+        double ours = 0, naive = -1, bound = 0;  // naive: the worst finite one; −1: none
+        long cases = 0, naive_lost = 0;          // lost: NaN or Inf
     };
     std::map<std::array<std::string, 4>, Row> rows_;
 };

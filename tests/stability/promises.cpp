@@ -33,11 +33,11 @@ std::vector<Promise> made() {
     for (const char* quantity : {"plain light by σ", "plain light by c"})
         all.push_back({quantity, "gradient", "reference", 2e-6, of_terms});
     for (const char* quantity : {"softplus (density of g)", "bounded sigmoid (β, colour of g)"}) {
-        both(all, quantity, "value", 1e-6, "its value · (1 + |z|)");
-        both(all, quantity, "gradient", 1e-6, "its value · (1 + |z|)");
+        both(all, quantity, "value", 1e-6, "its value · (1 + the size of z)");
+        both(all, quantity, "gradient", 1e-6, "its value · (1 + the size of z)");
     }
     both(all, "hash encoding", "value", 1e-6, "largest entry · (1 + resolution)");
-    both(all, "hash encoding", "gradient", 1e-6, "Σ |gradients| · (1 + resolution)");
+    both(all, "hash encoding", "gradient", 1e-6, "Σ of the gradients' sizes · (1 + resolution)");
     both(all, "density network", "value", 4e-6, "Σ of the sizes of its products");
     both(all, "density network", "gradient", 4e-6, "Σ of the sizes of its products");
     both(all, "density network, its matrices", "gradient", 4e-6, "Σ of the sizes of its products");
@@ -47,15 +47,15 @@ std::vector<Promise> made() {
         all.push_back({"colour network", part, "bfloat16", 3 * 0x1p-7, "Σ of the sizes of its products"});
     }
     all.push_back({"density network, its matrices", "gradient", "bfloat16", 0x1p-7, "Σ of the sizes of its products"});
-    all.push_back({"density of f, exp", "value", "torch", 2e-6, "its value · (1 + |z|)"});
-    all.push_back({"density of f, exp", "gradient", "torch", 2e-6, "its value · (1 + |z|)"});
+    all.push_back({"density of f, exp", "value", "torch", 2e-6, "its value · (1 + the size of z)"});
+    all.push_back({"density of f, exp", "gradient", "torch", 2e-6, "its value · (1 + the size of z)"});
     all.push_back({"entropy H", "value", "torch", 1e-6, "its value"});
-    all.push_back({"entropy H", "gradient", "torch", 1e-6, "|log₂ z| + |log₂ (1 − z)|"});
+    all.push_back({"entropy H", "gradient", "torch", 1e-6, "log₂ z and log₂ (1 − z), their sizes summed"});
     for (const char* part : {"value", "gradient"}) {
         all.push_back({"L_region", part, "torch", 2e-6, "its value"});
         all.push_back({"L_opacity", part, "torch", 1e-6, part == std::string("value") ? "its value" : "1/S²"});
         all.push_back({"L_global", part, "torch", 2e-6, part == std::string("value") ? "1" : "the gradient's length"});
-        all.push_back({"L_dir", part, "torch", 2e-4, part == std::string("value") ? "1" : "the gradient's length"});
+        all.push_back({"L_dir", part, "torch", 1e-5, part == std::string("value") ? "1" : "the gradient's length"});
     }
     return all;
 }

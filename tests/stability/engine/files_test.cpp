@@ -143,7 +143,7 @@ TEST(DensityOfF, ValueAndGradient) {
         const Tensor slope = torch::autograd::grad({density.sum()}, {weight})[0][0][0];
         // Held at the limit; the gradient stays what it is there, so that a density can come back from it.
         const Big right = boost::multiprecision::exp(Big(std::min<double>(z + log_density_offset, log_density_limit)));
-        const std::string input = z < -20 ? "z < −20" : z > 16 ? "held: z > 16" : "|z| ≤ 20";
+        const std::string input = z < -20 ? "z < −20" : z > 16 ? "held: z > 16" : "z within ±20";
         const Big unit = right * (1 + std::min(std::abs(z), 120.0f));
         const float naive = std::exp(z - 1);
         ledger().add("density of f, exp", "value", "torch", input,

@@ -85,6 +85,22 @@ TEST(StepGuard, ALossThatBlowsUpWithoutANaNRollsBack) {
     EXPECT_EQ(run.value(), 192);
 }
 
+TEST(StepGuard, DeadNetworksRollBackUnlessNothingIsLeftToLearn) {
+    for (const double loss : {0.1, 1e-6}) {
+        Counter run({.interval = 64});
+        for (int i = 0; i < 64; ++i) run.step(loss);
+        int idle = 0;
+        while (run.guard.after_step(true, loss, run.iteration++, true) == Outcome::taken && ++idle < 500)
+            run.learnt.add_(1);
+        if (loss > 0.01) {
+            EXPECT_LT(idle, 20);
+            EXPECT_EQ(run.value(), 64);
+        } else {
+            EXPECT_EQ(idle, 500);
+        }
+    }
+}
+
 TEST(StepGuard, GivesUpAtTheLastGoodState) {
     Counter run({.roll_backs = 3, .interval = 64});
     for (int i = 0; i < 130; ++i) run.step(1);

@@ -94,7 +94,7 @@ struct OneUnit {
 
 std::string logit_class(float z) {
     const float size = std::abs(z);
-    return size <= 1e-3f ? "z near 0" : size <= 20 ? "|z| ≤ 20" : size <= 104 ? "|z| ≤ 104" : "|z| ≤ 1e30";
+    return size <= 1e-3f ? "z near 0" : size <= 20 ? "z within ±20" : size <= 104 ? "z within ±104" : "z within ±1e30";
 }
 
 struct Activation {
