@@ -1,4 +1,4 @@
-"""The plot of docs/stability.md: what a textbook's formulas lose in float32, what ours lose, what is promised. SVG and PNG."""
+"""The plot of docs/stability.md: what textbook formulas lose in float32, what ours lose, and what is promised."""
 
 from __future__ import annotations
 
