@@ -121,7 +121,8 @@ def main() -> None:
     file = OUT / "stability.json"
     if not args.page_only:
         rows = measured(args.build)
-        file.write_text(json.dumps(rows, indent=0, ensure_ascii=False) + "\n", encoding="utf-8")
+        lines = ",\n".join(json.dumps(row, ensure_ascii=False) for row in rows)
+        file.write_text(f"[\n{lines}\n]\n", encoding="utf-8")
     rows = json.loads(file.read_text(encoding="utf-8"))
     draw(summary(rows), OUT / "stability")
     text = PAGE.read_text(encoding="utf-8")
