@@ -283,14 +283,17 @@ MAKERS = {
 } | {sweep: partial(sweep_table, sweep) for sweep in SWEEP_FIGURES}
 
 
-def filled(page: str, report: dict[str, Any]) -> str:
-    """The page with each `<!-- figures: NAME -->` … `<!-- end -->` holding that table as it is now."""
-    for name, make in MAKERS.items():
-        if name in report:
-            marked = re.compile(rf"(<!-- figures: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
-            text = make(report[name])
-            page = marked.sub(lambda m, text=text: f"{m[1]}{text}\n{m[2]}", page)
+def fill(page: str, texts: dict[str, str]) -> str:
+    """The page with each `<!-- figures: NAME -->` … `<!-- end -->` holding that text."""
+    for name, text in texts.items():
+        marked = re.compile(rf"(<!-- figures: {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        page = marked.sub(lambda m, text=text: f"{m[1]}{text}\n{m[2]}", page)
     return page
+
+
+def filled(page: str, report: dict[str, Any]) -> str:
+    """The page with its tables as they are now."""
+    return fill(page, {name: make(report[name]) for name, make in MAKERS.items() if name in report})
 
 
 def speed_report() -> dict[str, Any]:

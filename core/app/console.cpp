@@ -42,6 +42,8 @@ std::string progress_line(const std::string& label, const Json& event) {
         fmt::format("{} {}{} {:3.0f}%", label, std::string(filled, '#'), std::string(width - filled, '.'), share * 100);
     for (const char* key : {"loss", "psnr"})
         if (event.contains(key) && event[key].is_number()) line += fmt::format("  {} {}", key, number(event[key]));
+    if (const auto skipped = event.value("skipped", 0); skipped > 0)
+        line += fmt::format("  {} steps left out", skipped);
     if (event.contains("eta_s")) line += fmt::format("  {} left", duration(event["eta_s"].get<double>()));
     return line;
 }

@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <bit>
+#include <cmath>
 #include <cstring>
 #include <fstream>
 #include <limits>
@@ -210,6 +211,23 @@ void save_safetensors(const fs::path& path, const std::map<std::string, Tensor>&
         out.close();
         if (!out) failure("cannot write {} ({} bytes): is the disk full?", path.string(), 8 + length + at);
     });
+}
+
+std::string not_finite(const std::map<std::string, Tensor>& tensors) {
+    for (const auto& [name, tensor] : tensors) {
+        if (!tensor.is_floating_point()) continue;
+        // Any NaN or Inf makes the sum one. A sum of large numbers may become one, too: then each is looked at.
+        if (std::isfinite(tensor.detach().sum(at::kDouble).item<double>())) continue;
+        if (!at::isfinite(tensor).all().item<bool>()) return name;
+    }
+    return "";
+}
+
+void save_finite_safetensors(const fs::path& path, const std::map<std::string, Tensor>& tensors,
+                             const std::map<std::string, std::string>& metadata) {
+    const std::string bad = not_finite(tensors);
+    if (!bad.empty()) failure("{} was not written: \"{}\" holds numbers that are not finite", path.string(), bad);
+    save_safetensors(path, tensors, metadata);
 }
 
 std::string content_hash(const std::map<std::string, Tensor>& tensors) {

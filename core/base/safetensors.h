@@ -25,6 +25,11 @@ SafeTensors load_safetensors(const std::filesystem::path& path);
 // Atomic: a temporary file, then a rename.
 void save_safetensors(const std::filesystem::path& path, const std::map<std::string, Tensor>& tensors,
                       const std::map<std::string, std::string>& metadata = {});
+// The name of a tensor that holds a NaN or an Inf; empty if none does.
+std::string not_finite(const std::map<std::string, Tensor>& tensors);
+// What is learnt is written only if it is finite: throws Failure, naming the file that was not written.
+void save_finite_safetensors(const std::filesystem::path& path, const std::map<std::string, Tensor>& tensors,
+                             const std::map<std::string, std::string>& metadata = {});
 // SHA-256 (hex) over names, dtypes, shapes and bytes of the tensors; metadata does not enter.
 std::string content_hash(const std::map<std::string, Tensor>& tensors);
 

@@ -17,7 +17,8 @@ namespace fieldgraft {
 
 namespace {
 
-constexpr int most_bad_steps = 8;
+// Losses of single patches differ: only what is far off has blown up.
+constexpr GuardLimits guard_limits{.interval = 64, .first_steps = 16, .worse = 4};
 constexpr std::uint64_t loop_stream = 1;
 
 using LossIterator = std::vector<double>::const_iterator;
@@ -39,6 +40,10 @@ class EditTraining {
           text_(inputs.guide, spec, plan_),
           field_(std::make_shared<EditField>(field_config(), base_.geometry(), spec.seed)),
           adam_(field_->parameters()),
+          guard_(
+              state_.guard,
+              {[this] { return learnt(*field_, adam_); }, [this](const auto& good) { put_back(good, *field_, adam_); }},
+              guard_limits),
           patches_(base_, cameras_, spec_, plan_, region_, *inputs.guide) {}
 
     EditResult run() {
@@ -78,9 +83,10 @@ class EditTraining {
         const bool saved = !options_.checkpoint.empty() && std::filesystem::exists(options_.checkpoint);
         if (options_.resume && saved) {
             const Checkpoint checkpoint = load_checkpoint(options_.checkpoint, identity());
-            checkpoint.restore(*field_, adam_);
+            put_back(checkpoint.tensors, *field_, adam_);
             state_ = checkpoint.state;
             region_ = checkpoint.region;
+            guard_.keep(state_.iteration);
             return;
         }
         const Stopwatch watch;
@@ -90,6 +96,7 @@ class EditTraining {
         reporter_.event(event);
         cameras_.set_focus(region_.centre);
         if (spec_.seek_first_color && (spec_.operations.add || spec_.operations.change)) seek_first_color();
+        guard_.keep(0);
         setup_seconds_ = watch.seconds();
     }
 
@@ -116,7 +123,7 @@ class EditTraining {
     double position() const { return progress() * spec_.nominal_iterations; }
 
     double learning_rate() const {
-        return state_.back_off *
+        return state_.guard.scale *
                annealed(spec_.learning_rate, spec_.learning_rate_end, position(), spec_.learning_rate_iterations);
     }
 
@@ -140,7 +147,7 @@ class EditTraining {
                                          : static_cast<std::uint64_t>(state_.iteration);
         const StepLosses losses =
             backward_step(*field_, patches_.patch(number), text_, spec_, plan_, position(), state_.random);
-        guard(std::isfinite(losses.total) && adam_.step(learning_rate()));
+        judge(take_step(losses), losses.total);
         ++state_.iteration;
         state_.seconds += watch.seconds();
         state_.tower_seconds += losses.tower_seconds;
@@ -152,19 +159,22 @@ class EditTraining {
         if (stop && !finished()) throw Cancelled();
     }
 
-    void guard(bool good) {
-        if (good) {
-            state_.skipped_in_a_row = 0;
-            state_.back_off = std::min(1.0, state_.back_off * 1.02);
-            return;
-        }
+    // False if loss or gradients are not finite: nothing is changed then.
+    bool take_step(const StepLosses& losses) {
+        if (std::isfinite(losses.total)) return adam_.step(learning_rate());
         for (const auto& [name, parameter] : field_->parameters()) Tensor(parameter).mutable_grad() = Tensor();
-        ++state_.skipped;
-        state_.back_off /= 2;
-        if (++state_.skipped_in_a_row < most_bad_steps) return;
+        return false;
+    }
+
+    void judge(bool taken, double loss) {
+        const StepGuard::Outcome outcome = guard_.after_step(taken, loss, state_.iteration);
+        if (outcome == StepGuard::Outcome::rolled_back)
+            reporter_.warning(fmt::format("iteration {}: {}", state_.iteration, guard_.reason()));
+        if (outcome != StepGuard::Outcome::given_up) return;
         checkpoint();
-        failure("the edit's gradients were not finite {} times in a row at iteration {}; the last good state is saved",
-                most_bad_steps, state_.iteration);
+        failure("the edit diverged at iteration {}: {} roll-backs did not help ({}); the last good state is {}",
+                state_.iteration, state_.guard.roll_backs - 1, guard_.reason(),
+                options_.checkpoint.empty() ? "lost: no checkpoint was asked for" : options_.checkpoint.string());
     }
 
     void checkpoint() {
@@ -186,6 +196,8 @@ class EditTraining {
                          {"total", total},
                          {"loss", losses.total},
                          {"terms", losses.terms},
+                         {"skipped", state_.guard.skipped},
+                         {"roll_backs", state_.guard.roll_backs},
                          {"eta_s", std::max(0.0, spent / done - spent)}});
     }
 
@@ -220,6 +232,7 @@ class EditTraining {
     }
 
     EditResult finish() {
+        if (guard_.settle()) reporter_.warning("the loss rose at the end: the edit is the last good state before that");
         field_->set_level_weights(std::vector<float>(spec_.resolutions.size(), 1.0f));
         const Tensor candidates = support_candidates(spec_.operations, base_, region_);
         const Tensor support = edit_support(*field_, candidates, march_step(base_.geometry(), {}));
@@ -227,7 +240,8 @@ class EditTraining {
         preview(true);
         EditReport report;
         report.iterations = state_.iteration;
-        report.skipped = state_.skipped;
+        report.skipped = static_cast<int>(state_.guard.skipped);
+        report.roll_backs = static_cast<int>(state_.guard.roll_backs);
         report.seconds = state_.seconds + setup_seconds_;
         const double count = std::max(1, state_.iteration);
         report.seconds_per_iteration = state_.seconds / count;
@@ -260,9 +274,10 @@ class EditTraining {
     TextObjective text_;
     std::shared_ptr<EditField> field_;
     Adam adam_;
+    EditState state_;
+    StepGuard guard_;
     EditRegion region_;
     PatchSource patches_;
-    EditState state_;
     FrozenPatch preview_patch_;
     std::vector<double> losses_;
     double setup_seconds_ = 0;
@@ -274,6 +289,7 @@ class EditTraining {
 Json EditReport::to_json() const {
     return {{"iterations", iterations},
             {"skipped", skipped},
+            {"roll_backs", roll_backs},
             {"seconds", seconds},
             {"seconds_per_iteration", seconds_per_iteration},
             {"field_seconds_per_iteration", field_seconds_per_iteration},

@@ -5,9 +5,9 @@
 //
 // f, the edits below and the guide are frozen; only g learns. Each iteration renders one S×S patch, augments original,
 // blended and edit picture alike and asks the guide; the guide's gradient to the pictures is then carried through the
-// renderer together with the localised losses. A step with a NaN or Inf gradient is skipped and the learning rate
-// halved; eight in a row end the run with the last good state saved. Afterwards the support is fixed and g is exactly 0
-// outside it; figures are taken then.
+// renderer together with the localised losses. What goes wrong with a step is core/train/step_guard.h's matter: left
+// out, rolled back, or in the end Failure with the last good state saved. Afterwards the support is fixed and g is
+// exactly 0 outside it; figures are taken then.
 //
 // Events: plan, progress {iteration, total, loss, eta_s, terms}, preview {path} (original | edit | map: red removed,
 // green added, blue changed), warning. Times in seconds; `field` seconds leave out the guide's towers and the
@@ -35,7 +35,7 @@ struct EditRunOptions {
 };
 
 struct EditReport {
-    int iterations = 0, skipped = 0;
+    int iterations = 0, skipped = 0, roll_backs = 0;
     double seconds = 0, seconds_per_iteration = 0, field_seconds_per_iteration = 0;
     double first_loss = 0, loss = 0;             // means over the first and the last tenth of the iterations
     double region_share = 0, support_share = 0;  // of the object's pixels; of the box
@@ -50,7 +50,7 @@ struct EditResult {
 };
 
 // Throws InputError for a specification or inputs that cannot work, Cancelled after saving when asked to stop, Failure
-// when gradients stay bad.
+// when steps stay bad.
 EditResult train_edit(const EditInputs& inputs, const EditSpec& spec, const EditRunOptions& options,
                       const Reporter& reporter);
 

@@ -7,7 +7,7 @@ namespace fieldgraft {
 
 namespace {
 
-constexpr const char* format_name = "fieldgraft edit checkpoint 1";
+constexpr const char* format_name = "fieldgraft edit checkpoint 2";
 
 Json to_json(const EditState& state) {
     // 64-bit states as text: JSON readers may pass numbers through doubles.
@@ -16,9 +16,7 @@ Json to_json(const EditState& state) {
             {"tower_seconds", state.tower_seconds},
             {"random_state", std::to_string(state.random.state())},
             {"random_increment", std::to_string(state.random.increment())},
-            {"back_off", state.back_off},
-            {"skipped", state.skipped},
-            {"skipped_in_a_row", state.skipped_in_a_row}};
+            {"guard", state.guard.to_json()}};
 }
 
 EditState from_json(const Json& json) {
@@ -28,27 +26,20 @@ EditState from_json(const Json& json) {
     state.tower_seconds = json.at("tower_seconds").get<double>();
     state.random.restore(std::stoull(json.at("random_state").get<std::string>()),
                          std::stoull(json.at("random_increment").get<std::string>()));
-    state.back_off = json.at("back_off").get<double>();
-    state.skipped = json.at("skipped").get<int>();
-    state.skipped_in_a_row = json.at("skipped_in_a_row").get<int>();
+    state.guard = GuardState::from_json(json.at("guard"));
     return state;
 }
 
 }  // namespace
 
-void save_checkpoint(const std::filesystem::path& path, const EditState& state, const EditField& field,
-                     const Adam& adam, const EditRegion& region, const Json& identity) {
-    std::map<std::string, Tensor> tensors = region.tensors();
+std::map<std::string, Tensor> learnt(const EditField& field, const Adam& adam) {
+    std::map<std::string, Tensor> tensors;
     for (const auto& [name, parameter] : field.parameters()) tensors["p." + name] = parameter.detach();
     for (const auto& [name, moment] : adam.state()) tensors["adam." + name] = moment;
-    save_safetensors(path, tensors,
-                     {{"format", format_name},
-                      {"state", to_json(state).dump()},
-                      {"region", region.to_json().dump()},
-                      {"identity", identity.dump()}});
+    return tensors;
 }
 
-void Checkpoint::restore(EditField& field, Adam& adam) const {
+void put_back(const std::map<std::string, Tensor>& tensors, EditField& field, Adam& adam) {
     at::NoGradGuard no_gradients;
     for (const auto& [name, parameter] : field.parameters()) {
         const auto found = tensors.find("p." + name);
@@ -62,10 +53,23 @@ void Checkpoint::restore(EditField& field, Adam& adam) const {
     adam.restore(moments);
 }
 
+void save_checkpoint(const std::filesystem::path& path, const EditState& state, const EditField& field,
+                     const Adam& adam, const EditRegion& region, const Json& identity) {
+    std::map<std::string, Tensor> tensors = region.tensors();
+    tensors.merge(learnt(field, adam));
+    save_finite_safetensors(path, tensors,
+                            {{"format", format_name},
+                             {"state", to_json(state).dump()},
+                             {"region", region.to_json().dump()},
+                             {"identity", identity.dump()}});
+}
+
 Checkpoint load_checkpoint(const std::filesystem::path& path, const Json& identity) {
     SafeTensors file = load_safetensors(path);
     if (file.metadata["format"] != format_name)
         input_error("{}: not a checkpoint of an edit; start without --resume", path.string());
+    if (const std::string bad = not_finite(file.tensors); !bad.empty())
+        input_error("{}: \"{}\" holds numbers that are not finite; start without --resume", path.string(), bad);
     try {
         if (Json::parse(file.metadata["identity"]) != identity)
             input_error(

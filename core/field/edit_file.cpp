@@ -40,15 +40,15 @@ void EditFile::save(const std::filesystem::path& path) const {
         throw std::invalid_argument("an edit is saved with its support: set_support() first");
     }
     const Json strengths{{"add", strength_add}, {"remove", strength_remove}, {"change", strength_change}};
-    save_safetensors(path, field->tensors(),
-                     {{"format", edit_format},
-                      {"version", "1"},
-                      {"config", field->config().to_json().dump()},
-                      {"geometry", field->geometry().to_json().dump()},
-                      {"field_hash", field_hash},
-                      {"stack", Json(stack).dump()},
-                      {"specification", specification.dump()},
-                      {"strengths", strengths.dump()}});
+    save_finite_safetensors(path, field->tensors(),
+                            {{"format", edit_format},
+                             {"version", "1"},
+                             {"config", field->config().to_json().dump()},
+                             {"geometry", field->geometry().to_json().dump()},
+                             {"field_hash", field_hash},
+                             {"stack", Json(stack).dump()},
+                             {"specification", specification.dump()},
+                             {"strengths", strengths.dump()}});
 }
 
 EditFile EditFile::load(const std::filesystem::path& path) {

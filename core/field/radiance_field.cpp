@@ -144,12 +144,12 @@ std::string RadianceField::hash() const {
 }
 
 void RadianceField::save(const std::filesystem::path& path, const Json& extra_metadata) const {
-    save_safetensors(path, tensors(),
-                     {{"format", field_format},
-                      {"version", "1"},
-                      {"config", config_.to_json().dump()},
-                      {"geometry", geometry_.to_json().dump()},
-                      {"extra", extra_metadata.dump()}});
+    save_finite_safetensors(path, tensors(),
+                            {{"format", field_format},
+                             {"version", "1"},
+                             {"config", config_.to_json().dump()},
+                             {"geometry", geometry_.to_json().dump()},
+                             {"extra", extra_metadata.dump()}});
 }
 
 std::shared_ptr<RadianceField> RadianceField::load(const std::filesystem::path& path) {

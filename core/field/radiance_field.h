@@ -62,6 +62,7 @@ class RadianceField {
 
     // SHA-256 over tensors and geometry; metadata does not enter. An edit stores it.
     std::string hash() const;
+    // Throws Failure, and writes nothing, when a parameter is not finite.
     void save(const std::filesystem::path& path, const Json& extra_metadata = Json::object()) const;
     // Throws InputError: not a field file, another backbone, missing or misshapen tensors. What comes back is frozen.
     static std::shared_ptr<RadianceField> load(const std::filesystem::path& path);

@@ -1,6 +1,7 @@
 #include "core/kernels/composite_ref.h"
 
 #include <cmath>
+#include <limits>
 #include <stdexcept>
 #include <string>
 
@@ -9,11 +10,12 @@ namespace {
 
 constexpr std::int64_t rays_per_task = 64;
 
-// σδ, bounded so that no sum or product of depths becomes inf − inf or 0 · inf.
+// σδ, bounded so that no sum or product of depths becomes inf − inf or 0 · inf. NaN stays NaN.
 template <class T>
 inline T optical_depth(T density, T delta) {
-    const T a = density * delta;
-    return a < T(1e30) ? a : (density == 0 || delta == 0 ? T(0) : T(1e30));
+    constexpr T largest = std::numeric_limits<T>::max();
+    const T a = (density > largest ? largest : density) * delta;
+    return a > T(1e30) ? T(1e30) : a;
 }
 
 template <class T>
@@ -28,7 +30,7 @@ template <class T>
 void forward_ray(const CompositeInput<T>& in, std::int64_t first, std::int64_t last, T* color, T& transmittance,
                  T& depth) {
     double total = 0;  // Σ a so far
-    T sum[3] = {}, weights = 0, distance = 0;
+    double sum[3] = {}, weights = 0, distance = 0;
     for (std::int64_t k = first; k < last; ++k) {
         const T a = optical_depth(in.density[k], in.delta[k]);
         const T weight = -std::expm1(-a) * static_cast<T>(std::exp(static_cast<T>(-total)));
@@ -37,9 +39,9 @@ void forward_ray(const CompositeInput<T>& in, std::int64_t first, std::int64_t l
         distance += weight * in.t[k];
         total += a;
     }
-    for (int c = 0; c < 3; ++c) color[c] = sum[c];
+    for (int c = 0; c < 3; ++c) color[c] = static_cast<T>(sum[c]);
     transmittance = std::exp(static_cast<T>(-total));
-    depth = weights > 0 ? distance / weights : T(0);
+    depth = weights > 0 ? static_cast<T>(distance / weights) : T(0);
 }
 
 template <class T>
@@ -51,15 +53,15 @@ void backward_ray(const CompositeInput<T>& in, std::int64_t first, std::int64_t 
         total += optical_depth(in.density[k], in.delta[k]);
     }
     T after = std::exp(static_cast<T>(-total));
-    T behind = g_transmittance;  // g · what is seen past sample k, were sample k + 1 the first
+    double behind = static_cast<double>(g_transmittance) * after;  // g · what is seen past sample k
     for (std::int64_t k = last; k-- > first;) {
         const T a = optical_depth(in.density[k], in.delta[k]);
         const T alpha = -std::expm1(-a), before = color_grad[3 * k];
         const T* c = in.color.data() + 3 * k;
         const T shown = g[0] * c[0] + g[1] * c[1] + g[2] * c[2];
-        density_grad[k] = a < T(1e30) ? after * (shown - behind) * in.delta[k] : T(0);
+        density_grad[k] = a < T(1e30) ? static_cast<T>(after * shown - behind) * in.delta[k] : T(0);
         for (int i = 0; i < 3; ++i) color_grad[3 * k + i] = g[i] * alpha * before;
-        behind = alpha * shown + std::exp(-a) * behind;
+        behind += static_cast<double>(alpha * before) * shown;
         after = before;
     }
 }

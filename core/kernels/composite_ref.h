@@ -5,8 +5,8 @@
 //
 // Layout: ray r owns samples start[r] … start[r+1]−1, nearest first; colours N×3 and R×3 row-major; lengths in model
 // units. Differentiable in density and colour, through color and transmittance; depth is not differentiated. Backward
-// is a reverse recurrence: ∂L/∂a_k = T_{k+1} (g·c_k − B_k), B_{k−1} = α_k g·c_k + (1 − α_k) B_k, B_K = g_T: nothing
-// cancels behind an opaque sample. Depth sums are kept in double; relative error of T ≤ 1e-6 (1 + A) in float, A = Σ a.
+// is a reverse sum: ∂L/∂a_k = T_{k+1} g·c_k − B_k, B_{k−1} = B_k + w_k g·c_k, B_K = g_T T_{K+1}: nothing cancels behind
+// an opaque sample. Sums over a ray are in double; relative error of T ≤ 1e-6 (1 + A) in float, A = Σ a.
 // Rays are split between threads; bits do not depend on the split.
 #pragma once
 

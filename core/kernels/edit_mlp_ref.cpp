@@ -38,8 +38,10 @@ T activated(const EditMlpShape& shape, std::size_t k, T z) {
 template <class T>
 T slope(const EditMlpShape& shape, std::size_t k, T z) {
     if (shape.outputs[k] == EditActivation::softplus) return T(shape.density_scale) / (1 + std::exp(-z));
-    const T t = std::tanh(z / T(bounded_logit)), y = activated(shape, k, z);
-    return y * (1 - y) * (1 - t * t);
+    // 1 − t² is 4q/(1 + q)², and 1 − y is y e: no cancellation where t or y is near 1.
+    const T q = std::exp(-2 * std::abs(z / T(bounded_logit))), y = activated(shape, k, z);
+    const T e = std::exp(-T(bounded_logit) * std::tanh(z / T(bounded_logit)));
+    return y * y * e * (4 * q / ((1 + q) * (1 + q)));
 }
 
 }  // namespace

@@ -40,12 +40,15 @@ HWY_INLINE void softplus(const float* z, int count, float scale, float* y, float
 HWY_INLINE void bounded(const float* z, int count, float* y, float* slope) {
     const Lanes d;
     const Vector one = hn::Set(d, 1.0f), bound = hn::Set(d, float(bounded_logit));
+    const Vector half_bound = hn::Set(d, float(bounded_logit / 2));
     for (int i = 0; i < count; i += lanes) {
         const Vector x = hn::Load(d, z + i), t = hn::Tanh(d, hn::Div(x, bound));
         const Vector e = hn::Exp(d, hn::Neg(hn::Mul(bound, t)));  // within e^±8
         const Vector value = hn::Div(one, hn::Add(one, e));
-        // 1 − y is e y: no cancellation where y is near 1.
-        const Vector chance = hn::Mul(hn::Mul(value, hn::Mul(value, e)), hn::NegMulAdd(t, t, one));
+        // 1 − y is e y and 1 − t² is 4q/(1 + q)², q = e^−2|x/8|: no cancellation where y or t is near 1.
+        const Vector q = hn::Exp(d, hn::Neg(hn::Abs(hn::Div(x, half_bound)))), sum = hn::Add(one, q);
+        const Vector bend = hn::Div(hn::Mul(hn::Set(d, 4.0f), q), hn::Mul(sum, sum));
+        const Vector chance = hn::Mul(hn::Mul(value, hn::Mul(value, e)), bend);
         hn::Store(kept_nan(x, value), d, y + i);
         hn::Store(kept_nan(x, chance), d, slope + i);
     }

@@ -8,20 +8,17 @@ namespace {
 
 constexpr const char* format_name = "fieldgraft.checkpoint";
 constexpr const char* occupancy_name = "occupancy.values";
+constexpr const char* counts_name = "counts";  // steps of the optimiser, looks at the occupancy
 
 // Metadata are strings; doubles go by their bits, so that a resumed run is the same run.
 Json counters(const TrainState& state) {
     return {{"iteration", state.iteration},
             {"rays", state.rays},
             {"samples", state.samples},
-            {"skipped", state.skipped},
             {"seconds", state.seconds},
-            {"error", std::bit_cast<std::uint64_t>(state.error)},
-            {"rate_scale", std::bit_cast<std::uint64_t>(state.rate_scale)},
+            {"guard", state.guard.to_json()},
             {"random_state", state.random.state()},
-            {"random_increment", state.random.increment()},
-            {"optimizer_steps", state.optimizer.steps()},
-            {"occupancy_turn", state.occupancy.turn()}};
+            {"random_increment", state.random.increment()}};
 }
 
 Json parse(const SafeTensors& file, const std::string& key) {
@@ -52,12 +49,32 @@ void check_run(const SafeTensors& file, const Json& run) {
 
 }  // namespace
 
-void save_checkpoint(const std::filesystem::path& path, const TrainState& state, const Json& run) {
+std::map<std::string, Tensor> learnt(const TrainState& state) {
     std::map<std::string, Tensor> tensors = state.optimizer.moments();
     for (const auto& [name, parameter] : state.field->parameters()) tensors["p." + name] = parameter.detach();
     tensors[occupancy_name] = state.occupancy.values();
-    save_safetensors(path, tensors,
-                     {{"format", format_name}, {"run", run.dump()}, {"counters", counters(state).dump()}});
+    tensors[counts_name] = at::tensor({state.optimizer.steps(), state.occupancy.turn()}, at::kLong);
+    return tensors;
+}
+
+void put_back(TrainState& state, const std::map<std::string, Tensor>& tensors) {
+    at::NoGradGuard no_grad;
+    const auto take = [&](const std::string& name, at::IntArrayRef sizes) -> const Tensor& {
+        const auto found = tensors.find(name);
+        if (found == tensors.end() || found->second.sizes() != sizes)
+            input_error("checkpoint: \"{}\" is missing or has the wrong size", name);
+        return found->second;
+    };
+    for (const auto& [name, parameter] : state.field->parameters())
+        Tensor(parameter).copy_(take("p." + name, parameter.sizes()));
+    const Tensor& counts = take(counts_name, {2});
+    state.optimizer.restore(tensors, counts[0].item<std::int64_t>());
+    state.occupancy.restore(take(occupancy_name, state.occupancy.values().sizes()), counts[1].item<std::int64_t>());
+}
+
+void save_checkpoint(const std::filesystem::path& path, const TrainState& state, const Json& run) {
+    save_finite_safetensors(path, learnt(state),
+                            {{"format", format_name}, {"run", run.dump()}, {"counters", counters(state).dump()}});
 }
 
 HashFieldConfig checkpoint_field(const std::filesystem::path& path) {
@@ -67,26 +84,22 @@ HashFieldConfig checkpoint_field(const std::filesystem::path& path) {
 void load_checkpoint(const std::filesystem::path& path, TrainState& state, const Json& run) {
     const SafeTensors file = load(path);
     check_run(file, run);
-    at::NoGradGuard no_grad;
-    for (const auto& [name, parameter] : state.field->parameters()) {
-        const Tensor& saved = file.at("p." + name);
-        if (saved.sizes() != parameter.sizes()) input_error("{}: \"{}\" has the wrong size", file.origin, name);
-        Tensor target = parameter;
-        target.copy_(saved);
+    if (const std::string bad = not_finite(file.tensors); !bad.empty())
+        input_error("{}: \"{}\" holds numbers that are not finite; start without --resume", file.origin, bad);
+    try {
+        put_back(state, file.tensors);
+    } catch (const InputError& error) {
+        throw InputError(file.origin + ": " + error.what());
     }
     try {
         const Json count = parse(file, "counters");
         state.iteration = count.at("iteration").get<std::int64_t>();
         state.rays = count.at("rays").get<std::int64_t>();
         state.samples = count.at("samples").get<std::int64_t>();
-        state.skipped = count.at("skipped").get<std::int64_t>();
         state.seconds = count.at("seconds").get<double>();
-        state.error = std::bit_cast<double>(count.at("error").get<std::uint64_t>());
-        state.rate_scale = std::bit_cast<double>(count.at("rate_scale").get<std::uint64_t>());
+        state.guard = GuardState::from_json(count.at("guard"));
         state.random.restore(count.at("random_state").get<std::uint64_t>(),
                              count.at("random_increment").get<std::uint64_t>());
-        state.optimizer.restore(file.tensors, count.at("optimizer_steps").get<std::int64_t>());
-        state.occupancy.restore(file.at(occupancy_name), count.at("occupancy_turn").get<std::int64_t>());
     } catch (const Json::exception& error) {
         input_error("{}: its counters are damaged ({})", file.origin, error.what());
     }

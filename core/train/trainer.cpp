@@ -1,5 +1,6 @@
 #include "core/train/trainer.h"
 
+#include <algorithm>
 #include <cmath>
 
 #include "core/base/errors.h"
@@ -12,7 +13,6 @@ namespace fieldgraft {
 namespace {
 
 constexpr std::int64_t refresh_interval = 16;  // iterations between looks at the occupancy
-constexpr int most_skipped_in_a_row = 8;
 
 double preset_minutes(const std::string& quality) {
     if (quality == "draft") return 1;
@@ -25,17 +25,36 @@ double psnr_of(double error) {
     return error > 0 ? -10 * std::log10(error) : std::numeric_limits<double>::infinity();
 }
 
+// Whether a step had anything to teach: no gradient of any matrix is one of no sample, or of networks that are dead.
+bool any_gradient(const std::vector<RangeFit>& fits) {
+    const auto alive = [](const std::vector<float>& sums) {
+        return std::any_of(sums.begin(), sums.end(), [](float x) { return x != 0; });
+    };
+    return std::any_of(fits.begin(), fits.end(), [&](const RangeFit& fit) {
+        const FieldMlpGradients& g = fit.gradients;
+        return alive(g.density1) || alive(g.density0) || alive(g.color2) || alive(g.color1) || alive(g.color0);
+    });
+}
+
 class Trainer {
   public:
     Trainer(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,
             const std::filesystem::path& checkpoint)
-        : data_(data), options_(options), reporter_(reporter), checkpoint_(checkpoint), state_(fresh_state()) {
+        : data_(data),
+          options_(options),
+          reporter_(reporter),
+          checkpoint_(checkpoint),
+          state_(fresh_state()),
+          guard_(state_.guard,
+                 {[this] { return learnt(state_); }, [this](const auto& good) { put_back(state_, good); }}) {
         refresh_cells();
+        guard_.keep(0);
     }
 
     void resume() {
         load_checkpoint(checkpoint_, state_, run_description());
         refresh_cells();
+        guard_.keep(state_.iteration);
         before_ = state_.seconds;
     }
 
@@ -109,7 +128,7 @@ class Trainer {
         // The first steps are short: Adam's second moments know nothing yet. After 20 of them some small scenes were
         // still lost at this rate.
         const double warm = std::min(1.0, static_cast<double>(state_.iteration + 1) / 64);
-        return options_.rate * std::max(options_.rate_end, 1 - done) * warm * state_.rate_scale;
+        return options_.rate * std::max(options_.rate_end, 1 - done) * warm * state_.guard.scale;
     }
 
     void refresh_cells() {
@@ -141,28 +160,23 @@ class Trainer {
             samples += static_cast<std::int64_t>(part.samples);
         }
         const bool good = std::isfinite(error) && state_.optimizer.step(*state_.field, rate(), fits);
-        count_step(good, error);
+        judge(guard_.after_step(good, error, state_.iteration, !any_gradient(fits)));
         adapt_rays(samples);
         state_.samples += samples;
         ++state_.iteration;
     }
 
-    void count_step(bool good, double error) {
-        if (good) {
-            in_a_row_ = 0;
-            state_.rate_scale = std::min(1.0, state_.rate_scale * 1.01);
-            state_.error = state_.iteration == 0 ? error : 0.95 * state_.error + 0.05 * error;
+    void judge(StepGuard::Outcome outcome) {
+        if (outcome == StepGuard::Outcome::taken || outcome == StepGuard::Outcome::skipped) return;
+        refresh_cells();
+        if (outcome == StepGuard::Outcome::rolled_back) {
+            reporter_.warning(fmt::format("iteration {}: {}", state_.iteration, guard_.reason()));
             return;
         }
-        ++state_.skipped;
-        state_.rate_scale *= 0.5;
-        if (++in_a_row_ < most_skipped_in_a_row) return;
         save();
-        failure(
-            "training diverged: {} steps in a row had NaN or infinite gradients (iteration {}); the last good state is "
-            "{}",
-            in_a_row_, state_.iteration,
-            checkpoint_.empty() ? "lost: no checkpoint was asked for" : checkpoint_.string());
+        failure("training diverged at iteration {}: {} roll-backs did not help ({}); the last good state is {}",
+                state_.iteration, state_.guard.roll_backs - 1, guard_.reason(),
+                checkpoint_.empty() ? "lost: no checkpoint was asked for" : checkpoint_.string());
     }
 
     void adapt_rays(std::int64_t samples) {
@@ -175,9 +189,14 @@ class Trainer {
     void tell() {
         last_told_ = state_.seconds;
         const double done = std::min(share(), 1.0);
-        Json event{{"event", "progress"},           {"iteration", state_.iteration},
-                   {"loss", state_.error},          {"rays", state_.rays},
-                   {"psnr", psnr_of(state_.error)}, {"eta_s", done > 0 ? state_.seconds * (1 - done) / done : 0.0}};
+        Json event{{"event", "progress"},
+                   {"iteration", state_.iteration},
+                   {"loss", state_.guard.level},
+                   {"rays", state_.rays},
+                   {"psnr", psnr_of(state_.guard.level)},
+                   {"skipped", state_.guard.skipped},
+                   {"roll_backs", state_.guard.roll_backs},
+                   {"eta_s", done > 0 ? state_.seconds * (1 - done) / done : 0.0}};
         const double total = options_.iterations
                                  ? static_cast<double>(*options_.iterations)
                                  : std::ceil(static_cast<double>(state_.iteration) / std::max(done, 1e-9));
@@ -214,13 +233,17 @@ class Trainer {
     }
 
     TrainResult finish() {
+        if (guard_.settle()) {
+            refresh_cells();
+            reporter_.warning("the loss rose at the end: the field is the last good state before that");
+        }
         save();
         state_.occupancy.refresh_all(*state_.field, state_.random);
         refresh_cells();
         state_.field->freeze();
         return {state_.field,
-                {state_.iteration, state_.skipped, state_.samples, state_.seconds, measured_psnr(), peak_mib(),
-                 precision_name()}};
+                {state_.iteration, state_.guard.skipped, state_.guard.roll_backs, state_.samples, state_.seconds,
+                 measured_psnr(), peak_mib(), precision_name()}};
     }
 
     const TrainingData& data_;
@@ -228,10 +251,10 @@ class Trainer {
     const Reporter& reporter_;
     const std::filesystem::path checkpoint_;
     TrainState state_;
+    StepGuard guard_;
     MarchGrid cells_;  // of the field's occupancy
     Stopwatch watch_;
     double before_ = 0, last_saved_ = 0, last_told_ = 0;
-    int in_a_row_ = 0;
 };
 
 // The budget's field, with no more entries a level than there are pixels: few of them would otherwise each find entries
@@ -284,9 +307,8 @@ void TrainOptions::check() const {
 }
 
 Json TrainReport::to_json() const {
-    return {{"iterations", iterations}, {"skipped", skipped}, {"samples", samples},
-            {"seconds", seconds},       {"psnr", psnr},       {"peak_mib", peak_mib},
-            {"precision", precision}};
+    return {{"iterations", iterations}, {"skipped", skipped}, {"roll_backs", roll_backs}, {"samples", samples},
+            {"seconds", seconds},       {"psnr", psnr},       {"peak_mib", peak_mib},     {"precision", precision}};
 }
 
 TrainResult train_field(const TrainingData& data, const TrainOptions& options, const Reporter& reporter,

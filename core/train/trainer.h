@@ -8,7 +8,7 @@
 //
 // By iterations nothing depends on the clock or on the number of threads: same seed and machine give the same bits,
 // resumed or not. Checkpoints are written about every checkpoint_seconds and on a stop; a stop throws Cancelled after
-// saving. A NaN or infinite gradient leaves the step out and halves the rate for a while; eight in a row throw Failure,
+// saving. What goes wrong with a step is step_guard.h's matter: left out, rolled back, or in the end Failure with the
 // last good state saved.
 #pragma once
 
@@ -49,7 +49,7 @@ struct TrainOptions {
 };
 
 struct TrainReport {
-    std::int64_t iterations = 0, skipped = 0;
+    std::int64_t iterations = 0, skipped = 0, roll_backs = 0;
     std::int64_t samples = 0;  // visible samples that were fitted
     double seconds = 0;
     double psnr = 0;        // of the validation views (four at most), or of training views if there are none

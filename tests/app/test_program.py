@@ -208,3 +208,21 @@ def test_the_built_in_guide_edits_the_ball(ball_scene: Path, ball_field: Path, t
     plain, off, on = ((tmp_path / n / "r_0.exr").read_bytes() for n in ("plain", "off", "on"))
     assert plain == off
     assert plain != on
+
+
+def test_an_edit_without_a_good_step_ends_with_exit_code_1(ball_scene: Path, ball_field: Path, tmp_path: Path) -> None:
+    """Every loss is infinite: steps are left out, the last good state comes back eight times, then it stops."""
+    if not (ROOT / "models" / "guide" / "model.safetensors").exists():
+        pytest.skip("the built-in guidance model is not in this checkout")
+    prompts = ["--source", "ball", "--target", "blue ball", "--ops", "change", "--weight", "dir=1e300"]
+    cheap = ["--patch", 24, "--augmentations", 1, "--iterations", 200, "--scene", ball_scene]
+    result = run_program("edit", ball_field, "-o", tmp_path / "e.safetensors", *prompts, *cheap, "--json")
+    assert result.returncode == 1, result.stderr
+    events = [json.loads(line) for line in result.stdout.splitlines()]
+    assert len([e for e in events if e["event"] == "warning" and "learning rate" in e["message"]]) == 8
+    error = [e for e in events if e["event"] == "error"][-1]
+    assert "e.checkpoint.safetensors" in error["message"] and "\n" not in error["message"]
+    assert error["kind"] == "failure"
+    assert max(e.get("skipped", 0) for e in events) >= 8
+    assert (tmp_path / "e.checkpoint.safetensors").exists()
+    assert not (tmp_path / "e.safetensors").exists()

@@ -109,18 +109,18 @@ std::array<std::vector<Real>, 4> backward(const BlendMode& mode, const Rays<Real
     return heads;
 }
 
-// Ray r, channel c, for the oracle.
-template <class Real>
-oracle::Ray<oracle::Dual> oracle_ray(const Rays<Real>& rays, std::int64_t r, int channel) {
-    oracle::Ray<oracle::Dual> ray;
+// Ray r, channel c, for the oracle in the numbers S.
+template <class S = oracle::Dual, class Real>
+oracle::Ray<S> oracle_ray(const Rays<Real>& rays, std::int64_t r, int channel) {
+    oracle::Ray<S> ray;
     for (std::int64_t k = rays.start[r]; k < rays.start[r + 1]; ++k) {
-        ray.delta.push_back(rays.delta[k]);
-        ray.density_o.push_back(rays.density_o[k]);
-        ray.color_o.push_back(rays.color_o[3 * k + channel]);
-        ray.density_e.push_back(rays.density_e[k]);
-        ray.color_e.push_back(rays.color_e[3 * k + channel]);
-        ray.beta_density.push_back(rays.beta_density[k]);
-        ray.beta_color.push_back(rays.beta_color[k]);
+        ray.delta.push_back(S(rays.delta[k]));
+        ray.density_o.push_back(S(rays.density_o[k]));
+        ray.color_o.push_back(S(rays.color_o[3 * k + channel]));
+        ray.density_e.push_back(S(rays.density_e[k]));
+        ray.color_e.push_back(S(rays.color_e[3 * k + channel]));
+        ray.beta_density.push_back(S(rays.beta_density[k]));
+        ray.beta_color.push_back(S(rays.beta_color[k]));
     }
     return ray;
 }

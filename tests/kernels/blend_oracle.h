@@ -1,5 +1,6 @@
-// The blended equations written down once more, directly and in long double, for the tests of the kernels: plain sums
-// over the samples of one ray, no recurrences. With Dual it also gives derivatives by one input (forward mode).
+// The blended equations written down once more, directly, for the tests of the kernels: plain sums over the samples of
+// one ray, no recurrences. Templated on the number: Dual (long double with its derivative by one input, forward mode),
+// or any other that Math knows (tests/stability/big.h: 50 digits).
 #pragma once
 
 #include <algorithm>
@@ -10,6 +11,10 @@
 
 namespace fieldgraft::oracle {
 
+// What the equations need of a number beside + − · /: Plain, value(x), exp(x) and minus_expm1(x) = 1 − eˣ.
+template <class S>
+struct Math;
+
 struct Dual {
     long double value = 0, slope = 0;
     Dual(long double v = 0, long double s = 0) : value(v), slope(s) {}
@@ -18,12 +23,14 @@ struct Dual {
     Dual operator*(const Dual& b) const { return {value * b.value, slope * b.value + value * b.slope}; }
     Dual operator/(const Dual& b) const { return {value / b.value, (slope - value / b.value * b.slope) / b.value}; }
 };
-inline Dual exponential(const Dual& a) {
-    return {expl(a.value), a.slope == 0 ? 0 : expl(a.value) * a.slope};
-}
-inline Dual minus_expm1(const Dual& a) {
-    return {-expm1l(a.value), a.slope == 0 ? 0 : -expl(a.value) * a.slope};
-}
+
+template <>
+struct Math<Dual> {
+    using Plain = long double;
+    static Plain value(const Dual& x) { return x.value; }
+    static Dual exp(const Dual& a) { return {expl(a.value), a.slope == 0 ? 0 : expl(a.value) * a.slope}; }
+    static Dual minus_expm1(const Dual& a) { return {-expm1l(a.value), a.slope == 0 ? 0 : -expl(a.value) * a.slope}; }
+};
 
 template <class S>
 struct Ray {  // one value a sample (colours: one channel); heads that are off are left empty
@@ -31,65 +38,83 @@ struct Ray {  // one value a sample (colours: one channel); heads that are off a
     std::size_t size() const { return delta.size(); }
 };
 
+template <class S>
 struct Values {
-    Dual color, color_edit, alpha_edit, transmittance = 1, added, removed, changed;
+    using Plain = typename Math<S>::Plain;
+    S color{0}, color_edit{0}, alpha_edit{0}, transmittance{1}, added{0}, removed{0}, changed{0};
     // Σ w · (1 + depth in front): what the kernel's relative error of each weight may add up to.
-    long double weight_bound = 0, removed_bound = 0;
+    Plain weight_bound{0}, removed_bound{0};
+    std::vector<Plain> weight_o, weight_e, front;  // of each sample; front: Σ aᵝ before it
 };
 
-inline Dual clamped_depth(const Dual& density, const Dual& delta) {
-    if (std::isinf(static_cast<double>(density.value))) return delta.value == 0 ? 0 : 1e30L;
-    const Dual depth = density * delta;
-    return depth.value >= 1e30L ? Dual(1e30L) : depth;
+template <class S>
+S clamped_depth(const S& density, const S& delta) {
+    using M = Math<S>;
+    if (std::isinf(static_cast<double>(M::value(density)))) return M::value(delta) == 0 ? S(0) : S(1e30L);
+    const S depth = density * delta;
+    return M::value(depth) >= 1e30L ? S(1e30L) : depth;
 }
 
-inline Values blend(const BlendMode& mode, const Ray<Dual>& ray) {
-    Values out;
-    Dual front, front_kept, front_o, front_removed, removed, removed_scale;  // depths in front of sample k
+// φ(x) = (1 − e⁻ˣ)/x; below 1e-12 its series, to 50 digits.
+template <class S>
+S share(const S& x, const S& alpha) {
+    if (Math<S>::value(x) >= 1e-12L) return alpha / x;
+    return S(1) - x * S(0.5L) + x * x / S(6) - x * x * x / S(24) + x * x * x * x / S(120);
+}
+
+template <class S>
+Values<S> blend(const BlendMode& mode, const Ray<S>& ray) {
+    using M = Math<S>;
+    Values<S> out;
+    S front(0), front_kept(0), front_o(0), front_removed(0), removed(0), removed_scale(0);  // in front of sample k
+    const S none(0), one(1);
     for (std::size_t k = 0; k < ray.size(); ++k) {
-        const Dual ao = clamped_depth(ray.density_o[k], ray.delta[k]);
-        const Dual beta_density = mode.remove ? ray.beta_density[k] : Dual(),
-                   beta = mode.change ? ray.beta_color[k] : Dual();
-        const Dual kept = (Dual(1) - beta_density) * ao;
-        const Dual ae = mode.add ? clamped_depth(ray.density_e[k], ray.delta[k]) : Dual();
-        const Dual both = kept + ae, t = exponential(Dual() - front);
-        Dual wo = t * minus_expm1(Dual() - kept), we = t * minus_expm1(Dual() - ae);
+        const S ao = clamped_depth(ray.density_o[k], ray.delta[k]);
+        const S beta_density = mode.remove ? ray.beta_density[k] : none, beta = mode.change ? ray.beta_color[k] : none;
+        const S kept = (one - beta_density) * ao;
+        const S ae = mode.add ? clamped_depth(ray.density_e[k], ray.delta[k]) : none;
+        const S both = kept + ae, t = M::exp(none - front);
+        S wo = none, we = none;
         if (mode.conserving) {
-            const Dual alpha = minus_expm1(Dual() - both);
-            const bool tiny = both.value < 1e-15L;  // φ = 1 − x/2 there, to all digits of long double
-            wo = tiny ? t * kept * (Dual(1) - both * 0.5L) : t * alpha * (kept / both);
-            we = tiny ? t * ae * (Dual(1) - both * 0.5L) : t * alpha * (ae / both);
+            const S part = share(both, M::minus_expm1(none - both));
+            wo = t * kept * part;
+            we = t * ae * part;
+        } else {
+            wo = t * M::minus_expm1(none - kept);
+            we = t * M::minus_expm1(none - ae);
         }
         const bool colored = mode.add || mode.change;
-        const Dual ce = colored ? ray.color_e[k] : Dual();
-        const Dual blended = (Dual(1) - beta) * ray.color_o[k] + beta * ce;
+        const S ce = colored ? ray.color_e[k] : none;
+        const S blended = (one - beta) * ray.color_o[k] + beta * ce;
         out.color = out.color + wo * blended + we * ce;
         out.alpha_edit = out.alpha_edit + wo * beta + we;
         out.color_edit = out.color_edit + (wo * beta + we) * ce;
         out.added = out.added + we;
         out.changed = out.changed + wo * beta;
-        out.weight_bound += (wo.value + we.value) * (1 + front.value);
-        const Dual alpha_o = minus_expm1(Dual() - ao);
-        if (mode.remove && mode.visible) {
-            const Dual w = exponential(Dual() - front_o) * alpha_o;
-            removed = removed + w * beta_density;
-            removed_scale = removed_scale + w;
-            out.removed_bound += w.value * beta_density.value * (1 + front_o.value);
-        } else if (mode.remove) {
-            const Dual uncovered = exponential(Dual() - front_kept) * minus_expm1(Dual() - front_removed);
-            removed = removed + uncovered * alpha_o;
-            removed_scale = removed_scale + alpha_o;
-            out.removed_bound += uncovered.value * alpha_o.value * (1 + front_kept.value);
+        out.weight_bound += (M::value(wo) + M::value(we)) * (1 + M::value(front));
+        out.weight_o.push_back(M::value(wo));
+        out.weight_e.push_back(M::value(we));
+        out.front.push_back(M::value(front));
+        if (mode.remove) {
+            const S alpha_o = M::minus_expm1(none - ao);
+            // `visible`: Tᵒ αᵒ βσ over Tᵒ αᵒ; as the paper has it: (Tᵒ' − Tᵒ) αᵒ over αᵒ.
+            const S weight = mode.visible ? M::exp(none - front_o) * alpha_o : alpha_o;
+            const S gone =
+                mode.visible ? beta_density : M::exp(none - front_kept) * M::minus_expm1(none - front_removed);
+            removed = removed + weight * gone;
+            removed_scale = removed_scale + weight;
+            out.removed_bound +=
+                M::value(weight) * M::value(gone) * (1 + M::value(mode.visible ? front_o : front_kept));
         }
         front = front + both;
         front_kept = front_kept + kept;
         front_o = front_o + ao;
         front_removed = front_removed + beta_density * ao;
     }
-    out.transmittance = exponential(Dual() - front);
-    if (removed_scale.value > 0) {
+    out.transmittance = M::exp(none - front);
+    if (M::value(removed_scale) > 0) {
         out.removed = removed / removed_scale;
-        out.removed_bound /= removed_scale.value;
+        out.removed_bound /= M::value(removed_scale);
     }
     return out;
 }
