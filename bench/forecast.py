@@ -1,11 +1,11 @@
 """Does the cost model keep its word? What it tells beside what comes of it, scene by scene.
 
-    .venv/bin/python bench/forecast.py --program PROGRAM --scenes DIR DIR … [--minutes 1 3] [--out FILE.json]
+    ./dev forecast --scenes DIR DIR … [--minutes 1 2] [--page-only]
 
 Measures the machine (`profile --calibrate`), then for every scene: the PSNR that `train --error` expects after those
 minutes and the test views' once they have passed; seconds of so many iterations, of a picture, of a bake. Scenes that
-nothing was chosen by: bench/scenes/make_scenes.py. --out: docs/results/forecast.json is what docs/accuracy-and-time.md
-shows.
+nothing was chosen by: bench/scenes/make_scenes.py. Writes docs/results/forecast.json and its table in
+docs/accuracy-and-time.md.
 """
 
 from __future__ import annotations
@@ -19,8 +19,12 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
+import results_page
 from run import commit, done_event
 
+ROOT = Path(__file__).resolve().parent.parent
+PAGE = ROOT / "docs" / "accuracy-and-time.md"
+FIGURES = ROOT / "docs" / "results" / "forecast.json"
 ITERATIONS = 1500
 
 
@@ -49,7 +53,6 @@ class Check:
         """What a probe says of several times, and what those times bring."""
         probe = events([self.program, "profile", self.scene, "--forecast"])[-1]
         expected = {point["minutes"]: point["psnr"] for point in probe["forecast"]}
-        self.note("the probe itself", 20, probe["seconds"], "s")
         for m in minutes:
             done_event([self.program, "train", self.scene, "-o", self.field, "--minutes", m])
             found = done_event([self.program, "eval", self.field, "--scene", self.scene, "--split", "test"])
@@ -67,13 +70,30 @@ class Check:
             self.note(f"a bake of {resolution}", expected[f"bake_{resolution}"], baked["seconds"], "s")
 
 
-def main() -> None:
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--program", type=Path, required=True)
-    parser.add_argument("--scenes", type=Path, nargs="+", required=True)
-    parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 3.0])
-    parser.add_argument("--out", type=Path)
-    args = parser.parse_args()
+def off(row: dict[str, Any]) -> str:
+    if row["unit"] == "dB":
+        return f"{row['told'] - row['came']:+.1f} dB"
+    return f"{100 * (row['told'] / row['came'] - 1):+.0f} %"
+
+
+def write_page(report: dict[str, Any]) -> None:
+    digits = {"dB": 1, "s": 2}
+    rows = [
+        [
+            row["scene"],
+            row["what"],
+            f"{row['told']:.{digits[row['unit']]}f} {row['unit']}",
+            f"{row['came']:.{digits[row['unit']]}f} {row['unit']}",
+            off(row),
+        ]
+        for row in report["rows"]
+    ]
+    table = results_page.table(["scene", "what", "told", "came", "off by"], rows)
+    page = PAGE.read_text(encoding="utf-8")
+    PAGE.write_text(results_page.fill(page, {"forecast": table}), encoding="utf-8")
+
+
+def measure(args: argparse.Namespace) -> dict[str, Any]:
     rows = []
     with tempfile.TemporaryDirectory() as cache:
         os.environ["XDG_CACHE_HOME"] = cache
@@ -84,9 +104,23 @@ def main() -> None:
             check.times()
             check.errors(args.minutes)
             rows += check.rows
-    if args.out:
-        report = {"commit": commit(), "machine": machine["machine"], "calibration_seconds": machine["seconds"]}
-        args.out.write_text(json.dumps({**report, "rows": rows}, indent=1) + "\n")
+    about = {"commit": commit(), "machine": machine["machine"], "calibration_seconds": machine["seconds"]}
+    return {**about, "rows": rows}
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--program", type=Path, required=True)
+    parser.add_argument("--scenes", type=Path, nargs="+", default=[])
+    parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 2.0], help="of .5, 1, 2, 3, 5, 10, 30")
+    parser.add_argument("--page-only", action="store_true", help="write the page again from forecast.json")
+    args = parser.parse_args()
+    if not args.page_only:
+        report = measure(args)
+        part = FIGURES.with_suffix(".part")
+        part.write_text(json.dumps(report, indent=1) + "\n")
+        os.replace(part, FIGURES)
+    write_page(json.loads(FIGURES.read_text()))
 
 
 if __name__ == "__main__":

@@ -187,7 +187,8 @@ void run_forecast(const CommonOptions& common, const ProfileArguments& options) 
         input_error("--forecast takes one SCENE, and trains on it for a moment");
     const Reporter reporter = console_reporter(common, "forecast");
     const Stopwatch watch;
-    const Forecast told = probe(training_data_of(Scene::load(options.files.front())), common.seed, reporter);
+    const TrainingData data = training_data_of(Scene::load(options.files.front()));
+    const Forecast told = probe(data, common.seed, reporter).forecast;
     Json points = Json::array(), figures;
     for (const double minutes : {0.5, 1.0, 2.0, 3.0, 5.0, 10.0, 30.0}) {
         points.push_back({{"minutes", minutes}, {"psnr", told.psnr_after(minutes)}});

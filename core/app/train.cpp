@@ -22,6 +22,10 @@ struct TrainArguments {
     bool resume = false;
 };
 
+bool has_own_field(const TrainArguments& options) {
+    return options.table > 0 || options.levels > 0 || options.width > 0;
+}
+
 double decibels(const std::string& text) {
     static const std::regex form(R"(\s*([0-9]{1,2}(\.[0-9]+)?)\s*(dB)?\s*)");
     std::smatch parts;
@@ -29,34 +33,34 @@ double decibels(const std::string& text) {
     return std::stod(parts[1]);
 }
 
-// How long a PSNR takes on this scene and machine, from a probe of both.
-double minutes_for(const std::string& error, const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
-    const double asked = decibels(error);
-    const Forecast forecast = probe(data, seed, reporter);
-    const std::optional<double> minutes = forecast.minutes_for(asked);
+// How long a PSNR takes on this scene and machine, told from a probe of both. The probe itself, if it is enough.
+std::optional<TrainResult> plan_for_error(TrainArguments& options, const TrainingData& data, const Reporter& reporter) {
+    const double asked = decibels(options.error);
+    Probe probed = probe(data, options.train.seed, reporter);
+    const Forecast& told = probed.forecast;
+    const std::optional<double> minutes = told.minutes_for(asked);
     if (!minutes) {
         input_error("--error {}: this scene is likely to reach {:.1f} dB in {:g} minutes on this machine; ask for less",
-                    error, forecast.psnr_after(Forecast::most_minutes), Forecast::most_minutes);
+                    options.error, told.psnr_after(Forecast::most_minutes), Forecast::most_minutes);
     }
-    reporter.event({{"event", "forecast"}, {"minutes", *minutes}, {"psnr", forecast.psnr_after(*minutes)}});
-    return *minutes;
+    reporter.event({{"event", "forecast"}, {"minutes", *minutes}, {"psnr", told.psnr_after(*minutes)}});
+    options.train.minutes = minutes;
+    const bool enough = asked <= probed.result.report.psnr && !has_own_field(options);
+    return enough ? std::optional(std::move(probed.result)) : std::nullopt;
 }
 
-// How long to train where a PSNR is asked for, and what suits a machine that has been measured.
-void plan_time(TrainArguments& options, const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
+// What so many iterations will take on a machine that has been measured.
+void tell_time(const TrainOptions& options, const Reporter& reporter) {
     const std::optional<MachineRates> rates = load_rates();
-    if (rates) options.train.speed = rates->speed();
-    if (!options.error.empty()) options.train.minutes = minutes_for(options.error, data, seed, reporter);
-    if (rates && options.train.iterations) {
-        const double samples = static_cast<double>(*options.train.iterations * options.train.samples);
-        const double seconds = training_seconds(*rates, options.train.field_config(), samples);
-        reporter.event({{"event", "forecast"}, {"minutes", seconds / 60}});
-    }
+    if (!rates || !options.iterations) return;
+    const double samples = static_cast<double>(*options.iterations * options.samples);
+    reporter.event(
+        {{"event", "forecast"}, {"minutes", training_seconds(*rates, options.field_config(), samples) / 60}});
 }
 
 // What the budget would take, with what the user set instead.
 void set_field(TrainArguments& options) {
-    if (options.table == 0 && options.levels == 0 && options.width == 0) return;
+    if (!has_own_field(options)) return;
     HashFieldConfig config = options.train.field_config();
     if (options.table > 0) config.log2_table_size = options.table;
     if (options.levels > 0) config.levels = options.levels;
@@ -69,6 +73,7 @@ void run_train(const CommonOptions& common, TrainArguments options) {
         input_error("--backbone {}: this version trains the hash backbone; use --backbone hash", options.backbone);
     if (options.minutes > 0) options.train.minutes = options.minutes;
     if (options.iterations > 0) options.train.iterations = options.iterations;
+    if (!options.error.empty()) decibels(options.error);  // nonsense is said before anything is read
     options.train.seed = common.seed;
     options.train.image_bytes = static_cast<std::int64_t>(options.image_memory * (1ll << 30));
     const Reporter reporter = console_reporter(common, "train");
@@ -82,9 +87,13 @@ void run_train(const CommonOptions& common, TrainArguments options) {
     checkpoint.replace_extension(".checkpoint.safetensors");
     const TrainingData data = training_data_of(scene, options.train.image_bytes, common.seed);
     for (const std::string& line : remarks(data)) reporter.warning(line);
-    plan_time(options, data, common.seed, reporter);
+    if (const auto rates = load_rates()) options.train.speed = rates->speed();
+    std::optional<TrainResult> probed;
+    if (!options.error.empty()) probed = plan_for_error(options, data, reporter);
     set_field(options);
-    const TrainResult result = train_field(data, options.train, reporter, checkpoint, options.resume);
+    tell_time(options.train, reporter);
+    const TrainResult result =
+        probed ? *probed : train_field(data, options.train, reporter, checkpoint, options.resume);
     Json figures = result.report.to_json();
     // No times in the file: the same seed gives the same bytes.
     result.field->save(output,

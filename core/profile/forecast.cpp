@@ -5,12 +5,11 @@
 #include <stdexcept>
 
 #include "core/base/errors.h"
-#include "core/train/trainer.h"
 
 namespace fieldgraft {
 namespace {
 
-constexpr double ceiling = 43, exponent = 0.25;
+constexpr double ceiling = 46.5, exponent = 0.18;
 
 }  // namespace
 
@@ -32,11 +31,12 @@ std::optional<double> Forecast::minutes_for(double psnr) const {
     return probe_seconds * std::pow(left, -1 / exponent) / 60;
 }
 
-Forecast probe(const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
+Probe probe(const TrainingData& data, std::uint64_t seed, const Reporter& reporter) {
     TrainOptions options;
     options.minutes = Forecast::probe_seconds / 60;
     options.seed = seed;
-    return Forecast(train_field(data, options, reporter).report.psnr);
+    TrainResult result = train_field(data, options, reporter);
+    return {Forecast(result.report.psnr), std::move(result)};
 }
 
 }  // namespace fieldgraft

@@ -12,7 +12,7 @@
 #include <optional>
 
 #include "core/base/progress.h"
-#include "core/train/training_data.h"
+#include "core/train/trainer.h"
 
 namespace fieldgraft {
 
@@ -32,6 +32,10 @@ class Forecast {
 };
 
 // The short training. Throws what training throws.
-Forecast probe(const TrainingData& data, std::uint64_t seed, const Reporter& reporter);
+struct Probe {
+    Forecast forecast;
+    TrainResult result;
+};
+Probe probe(const TrainingData& data, std::uint64_t seed, const Reporter& reporter);
 
 }  // namespace fieldgraft

@@ -28,12 +28,10 @@ class EditProbe : public SampleProbe {
     // edits must outlive it. own: f's cells, where rays also look elsewhere.
     EditProbe(const std::vector<StackEdit>& edits, UnitCells own) : edits_(edits), own_(std::move(own)) {}
     std::size_t columns() const override { return edits_.size() * KernelEdit::row; }
-    void look(const float* positions, std::size_t n, float* density, float* hiding, float* rows) const override {
+    const UnitCells& own_cells() const override { return own_; }
+    void look(const float* positions, std::size_t n, const float* density, float* hiding, float* rows) const override {
         const std::size_t stride = columns();
-        for (std::size_t s = 0; s < n; ++s) {
-            if (!own_.holds(positions[s], positions[n + s], positions[2 * n + s])) density[s] = 0;
-            hiding[s] = density[s];
-        }
+        std::copy_n(density, n, hiding);
         for (std::size_t e = 0; e < edits_.size(); ++e) {
             if (!edits_[e].on.remove) continue;
             float* own = rows + e * KernelEdit::row;

@@ -107,24 +107,56 @@ std::vector<bool> VisibleRays::collect(std::vector<RayMarcher>& marchers, const 
     return more;
 }
 
-void VisibleRays::evaluate(Wave& wave) const {
-    const std::size_t n = wave.t.size();
-    wave.encoded = std::make_unique_for_overwrite<float[]>(n * field_.encoded_row);
-    wave.features = std::make_unique_for_overwrite<float[]>(n * field_.feature_row);
-    wave.density = std::make_unique_for_overwrite<float[]>(n);
-    hash_grid_encode(*field_.grid, field_.table, wave.positions.data(), n, wave.encoded.get(), field_.encoded_row);
-    density_mlp_forward(field_.weights, wave.encoded.get(), static_cast<int>(n), wave.features.get());
-    if (encoded_ == Encoded::dropped) wave.encoded.reset();
+void VisibleRays::ask_field(const float* positions, std::size_t n, float* encoded, float* features,
+                            float* density) const {
+    hash_grid_encode(*field_.grid, field_.table, positions, n, encoded, field_.encoded_row);
+    density_mlp_forward(field_.weights, encoded, static_cast<int>(n), features);
     for (std::size_t i = 0; i < n; ++i) {
-        const float log_density = wave.features[i * field_.feature_row] + static_cast<float>(log_density_offset);
+        const float log_density = features[i * field_.feature_row] + static_cast<float>(log_density_offset);
         // A NaN stays one.
         const float limit = static_cast<float>(log_density_limit);
-        wave.density[i] = std::exp(log_density > limit ? limit : log_density);
+        density[i] = std::exp(log_density > limit ? limit : log_density);
     }
-    if (probe_ == nullptr) return;
+}
+
+void VisibleRays::evaluate(Wave& wave) const {
+    const std::size_t n = wave.t.size();
+    wave.features = std::make_unique_for_overwrite<float[]>(n * field_.feature_row);
+    wave.density = std::make_unique_for_overwrite<float[]>(n);
+    if (probe_ == nullptr) {
+        wave.encoded = std::make_unique_for_overwrite<float[]>(n * field_.encoded_row);
+        ask_field(wave.positions.data(), n, wave.encoded.get(), wave.features.get(), wave.density.get());
+        if (encoded_ == Encoded::dropped) wave.encoded.reset();
+        return;
+    }
+    ask_in_own_cells(wave);
     wave.hiding.resize(n);
     wave.probed.assign(n * probe_->columns(), 0.0f);
     probe_->look(wave.positions.data(), n, wave.density.get(), wave.hiding.data(), wave.probed.data());
+}
+
+// Features are 0 where f is not.
+void VisibleRays::ask_in_own_cells(Wave& wave) const {
+    const std::size_t n = wave.t.size(), width = field_.feature_row;
+    const float* all = wave.positions.data();
+    std::vector<std::size_t> own;
+    for (std::size_t i = 0; i < n; ++i) {
+        if (probe_->own_cells().holds(all[i], all[n + i], all[2 * n + i])) own.push_back(i);
+    }
+    const std::size_t m = own.size();
+    const auto encoded = std::make_unique_for_overwrite<float[]>(m * field_.encoded_row);
+    if (m == n) return ask_field(all, n, encoded.get(), wave.features.get(), wave.density.get());
+    std::vector<float> positions(3 * m), features(m * width), density(m);
+    for (std::size_t c = 0; c < 3; ++c) {
+        for (std::size_t i = 0; i < m; ++i) positions[c * m + i] = all[c * n + own[i]];
+    }
+    ask_field(positions.data(), m, encoded.get(), features.data(), density.data());
+    std::fill_n(wave.features.get(), n * width, 0.0f);
+    std::fill_n(wave.density.get(), n, 0.0f);
+    for (std::size_t i = 0; i < m; ++i) {
+        std::copy_n(features.data() + i * width, width, wave.features.get() + own[i] * width);
+        wave.density[own[i]] = density[i];
+    }
 }
 
 // Notes which samples can be seen; returns the rays that see past them.
@@ -164,7 +196,7 @@ void VisibleRays::gather(RayBlock& block) const {
     block.positions.resize(3 * samples);
     block.t.resize(samples);
     block.delta.assign(samples, static_cast<float>(rays_.march.step));
-    const bool keep = encoded_ == Encoded::kept;
+    const bool keep = encoded_ == Encoded::kept && probe_ == nullptr;
     block.encoded.resize(keep ? samples * e : 0);
     block.features.resize(samples * f);
     block.density.resize(samples);

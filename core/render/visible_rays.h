@@ -11,6 +11,7 @@
 #include <memory>
 #include <vector>
 
+#include "core/field/kernel_edit.h"
 #include "core/field/kernel_field.h"
 
 namespace fieldgraft {
@@ -46,15 +47,18 @@ class SampleProbe {
     virtual ~SampleProbe() = default;
     // Numbers a sample, which go with it into its block.
     virtual std::size_t columns() const = 0;
-    // positions 3×n, unit cube; density n: f's, and what is left of it on return; hiding n: what hides the samples
-    // behind, to be written; rows n×columns(), zero before. One thread of several.
-    virtual void look(const float* positions, std::size_t n, float* density, float* hiding, float* rows) const = 0;
+    // f's own cells: elsewhere its density is 0, and it is not asked.
+    virtual const UnitCells& own_cells() const = 0;
+    // positions 3×n, unit cube; density n: f's; hiding n: what hides the samples behind, to be written; rows
+    // n×columns(), zero before. One thread of several.
+    virtual void look(const float* positions, std::size_t n, const float* density, float* hiding,
+                      float* rows) const = 0;
 };
 
 class VisibleRays {
   public:
     enum class Encoded { kept, dropped };  // only gradients need it again
-    // `probe` may be null: then density hides.
+    // `probe` may be null: then density hides. With one the encoding is not kept.
     VisibleRays(const KernelField& field, const MarchGrid& cells, const RayRange& rays, Encoded encoded = Encoded::kept,
                 const SampleProbe* probe = nullptr);
     ~VisibleRays();
@@ -75,6 +79,8 @@ class VisibleRays {
     void sort_by_ray();
     std::vector<bool> collect(std::vector<RayMarcher>& marchers, const std::vector<std::int64_t>& active, Wave& wave);
     void evaluate(Wave& wave) const;
+    void ask_field(const float* positions, std::size_t n, float* encoded, float* features, float* density) const;
+    void ask_in_own_cells(Wave& wave) const;
     std::vector<std::int64_t> look_past(Wave& wave, const std::vector<bool>& more);
     void gather(RayBlock& block) const;
     void fill_basis(RayBlock& block) const;

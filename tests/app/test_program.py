@@ -210,6 +210,23 @@ def test_the_built_in_guide_edits_the_ball(ball_scene: Path, ball_field: Path, t
     assert plain != on
 
 
+@pytest.mark.parametrize("operations", ["change", "remove"])
+def test_info_of_an_edit_shows_its_plan(ball_scene: Path, ball_field: Path, tmp_path: Path, operations: str) -> None:
+    edit = tmp_path / "e.safetensors"
+    prompt = ["--source", "yellow ball", "--target", "blue ball", "--ops", operations]
+    size = ["--patch", 16, "--augmentations", 2, "--iterations", 2]
+    events_of(run_program("edit", ball_field, "-o", edit, "--scene", ball_scene, *prompt, *size, "--json"))
+    info = events_of(run_program("info", edit, "--json"))[-1]["files"][0]
+    plan = info["plan"]
+    assert plan["heads"] == {"change": ["color_e", "beta_color"], "remove": ["beta_density"]}[operations]
+    assert plan["cost"]["parameters"] > 0 and 0 <= info["support_share"] <= 1
+    reasons = {item["what"]: item["why"] for item in plan["left_out"]}
+    assert any("nothing is added" in why for why in reasons.values())
+    assert any("colour of g, its picture" in what for what in reasons) == (operations == "remove")
+    for_people = run_program("info", edit)
+    assert for_people.returncode == 0 and "what is left out" in for_people.stdout
+
+
 def test_an_edit_without_a_good_step_ends_with_exit_code_1(ball_scene: Path, ball_field: Path, tmp_path: Path) -> None:
     """Every loss is infinite: steps are left out, the last good state comes back eight times, then it stops."""
     if not (ROOT / "models" / "guide" / "model.safetensors").exists():
