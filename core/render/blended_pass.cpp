@@ -19,10 +19,13 @@ namespace {
 struct StackEdit {
     KernelEdit g;
     Operations on;
+    // Asked wherever rays look, as it decides where they end: what it takes away hides nothing, and what it adds hides
+    // where no map has to see behind that (`removed` and the maps of edits below do).
+    bool ends_rays = false;
 };
 
-// What the stack's edits have to say of where rays end: what they take away hides nothing. Edits that take nothing away
-// are asked later, of the samples that can be seen alone.
+// What the stack's edits have to say of where rays end. Those that do not decide it are asked later, of the samples
+// that can be seen alone.
 class EditProbe : public SampleProbe {
   public:
     // edits must outlive it. own: f's cells, where rays also look elsewhere.
@@ -33,10 +36,14 @@ class EditProbe : public SampleProbe {
         const std::size_t stride = columns();
         std::copy_n(density, n, hiding);
         for (std::size_t e = 0; e < edits_.size(); ++e) {
-            if (!edits_[e].on.remove) continue;
+            if (!edits_[e].ends_rays) continue;
             float* own = rows + e * KernelEdit::row;
             edits_[e].g.evaluate(positions, n, own, stride);
-            for (std::size_t s = 0; s < n; ++s) hiding[s] *= 1 - own[s * stride + KernelEdit::beta_density];
+            for (std::size_t s = 0; s < n; ++s) {
+                const float* row = own + s * stride;
+                hiding[s] = edits_[e].on.remove ? (1 - row[KernelEdit::beta_density]) * hiding[s]
+                                                : hiding[s] + row[KernelEdit::density_e];
+            }
         }
     }
 
@@ -142,7 +149,9 @@ class BlendedPass {
         cells_ = march_grid_of(field.geometry(), visited.defined() ? visited.contiguous() : visited);
         bool beyond_own = false;
         for (const StackItem& item : items) {
-            edits_.push_back({{*item.field, {item.add, item.remove, item.change}}, item.active()});
+            const Operations on = item.active();
+            const bool ends_rays = on.remove || (on.add && items.size() == 1);
+            edits_.push_back({{*item.field, {item.add, item.remove, item.change}}, on, ends_rays});
             beyond_own = beyond_own || item.active().add;
         }
         const UnitCells own(field.geometry(), beyond_own ? field.occupancy() : Tensor());
@@ -160,7 +169,7 @@ class BlendedPass {
             const std::size_t first = static_cast<std::size_t>(rays.first + block.begin);
             for (std::size_t e = 0; e < edits_.size(); ++e) {
                 float* rows = block.probed.data() + e * KernelEdit::row;
-                if (!edits_[e].on.remove) edits_[e].g.evaluate(block.positions.data(), block.samples(), rows, stride);
+                if (!edits_[e].ends_rays) edits_[e].g.evaluate(block.positions.data(), block.samples(), rows, stride);
                 heads.take(block, e, stride);
                 blend_level(edits_[e].on, block, colors.color, heads, first);
                 put_on(edits_[e].on, heads, block.density, colors.color);
