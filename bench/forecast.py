@@ -1,6 +1,6 @@
 """Does the cost model keep its word? What it tells beside what comes of it, scene by scene.
 
-    ./dev forecast --scenes DIR DIR … [--minutes 1 2] [--page-only]
+    ./dev forecast --scenes DIR DIR … [--minutes 1 2] [--parts times errors] [--page-only]
 
 Measures the machine (`profile --calibrate`), then for every scene: the PSNR that `train --error` expects after those
 minutes and the test views' once they have passed; seconds of so many iterations, of a picture, of a bake. Scenes that
@@ -101,11 +101,22 @@ def measure(args: argparse.Namespace) -> dict[str, Any]:
         print(json.dumps(machine), flush=True)
         for scene in args.scenes:
             check = Check(args.program, scene, Path(cache))
-            check.times()
-            check.errors(args.minutes)
+            if "times" in args.parts:
+                check.times()
+            if "errors" in args.parts:
+                check.errors(args.minutes)
             rows += check.rows
     about = {"commit": commit(), "machine": machine["machine"], "calibration_seconds": machine["seconds"]}
-    return {**about, "rows": rows}
+    return {**about, "rows": joined(rows)}
+
+
+def joined(rows: list[dict[str, Any]]) -> list[dict[str, Any]]:
+    """With the rows of parts that were not measured again, scene by scene."""
+    old = json.loads(FIGURES.read_text())["rows"] if FIGURES.exists() else []
+    new = {(row["scene"], row["what"]): row for row in rows}
+    scenes = dict.fromkeys(row["scene"] for row in rows)
+    kept = [row for row in old if row["scene"] in scenes and (row["scene"], row["what"]) not in new]
+    return [row for scene in scenes for row in rows + kept if row["scene"] == scene]
 
 
 def main() -> None:
@@ -113,6 +124,7 @@ def main() -> None:
     parser.add_argument("--program", type=Path, required=True)
     parser.add_argument("--scenes", type=Path, nargs="+", default=[])
     parser.add_argument("--minutes", type=float, nargs="+", default=[1.0, 2.0], help="of .5, 1, 2, 3, 5, 10, 30")
+    parser.add_argument("--parts", nargs="+", choices=("times", "errors"), default=["times", "errors"])
     parser.add_argument("--page-only", action="store_true", help="write the page again from forecast.json")
     args = parser.parse_args()
     if not args.page_only:

@@ -6,7 +6,7 @@
 //
 //   ns a unit of work = base + multiply-adds of the networks · product + (log₂ table entries − 16) · table
 //
-// A unit: a visible sample that is fitted; one that is drawn; a voxel that a
+// A unit: a visible sample that is fitted; one that a picture looks at; a voxel that a
 // bake holds. Predictions leave out
 // reading and writing files.
 #pragma once
@@ -39,7 +39,8 @@ struct MachineRates {
     std::string machine;
     int threads = 0;
     WorkRate fit, draw, voxel;
-    double ray = 0;  // ns a ray that is drawn, beside its samples
+    double ray = 0;   // ns a ray that is drawn, beside its samples
+    double bake = 0;  // ns a bake, beside its voxels
 
     // How many times faster this machine trains a short run's field than the one on which TrainOptions' budgets were
     // chosen.

@@ -47,13 +47,14 @@ RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, cons
     return out;
 }
 
-std::int64_t visible_samples(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
-    std::atomic<std::int64_t> samples{0};
+SampleCounts count_samples(const RadianceField& field, const RayBundle& rays, const RenderOptions& options) {
+    std::atomic<std::int64_t> looked_at{0}, visible{0};
     over_ranges(field, rays, options, [&](const KernelField& kernel, const MarchGrid& cells, const RayRange& range) {
-        samples +=
-            static_cast<std::int64_t>(VisibleRays(kernel, cells, range, VisibleRays::Encoded::dropped).samples());
+        const VisibleRays found(kernel, cells, range, VisibleRays::Encoded::dropped);
+        looked_at += static_cast<std::int64_t>(found.looked_at());
+        visible += static_cast<std::int64_t>(found.samples());
     });
-    return samples;
+    return {looked_at, visible};
 }
 
 RenderedView render_view(const RadianceField& field, const RayBundle& rays, int height, int width,

@@ -24,8 +24,11 @@ struct RenderedRays {
 };
 RenderedRays render_rays(const RadianceField& field, const RayBundle& rays, const RenderOptions& options = {});
 
-// The samples that these rays can see: what render_rays would ask the colour network for.
-std::int64_t visible_samples(const RadianceField& field, const RayBundle& rays, const RenderOptions& options = {});
+// What render_rays would ask of the field: densities of samples it looks at, colours of those that are visible.
+struct SampleCounts {
+    std::int64_t looked_at = 0, visible = 0;
+};
+SampleCounts count_samples(const RadianceField& field, const RayBundle& rays, const RenderOptions& options = {});
 
 struct RenderedView {
     Tensor color;  // H×W×3, premultiplied

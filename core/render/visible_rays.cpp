@@ -41,6 +41,12 @@ VisibleRays::VisibleRays(const KernelField& field, const MarchGrid& cells, const
 
 VisibleRays::~VisibleRays() = default;
 
+std::size_t VisibleRays::looked_at() const {
+    std::size_t samples = 0;
+    for (const auto& wave : waves_) samples += wave->t.size();
+    return samples;
+}
+
 void VisibleRays::find() {
     std::vector<RayMarcher> marchers;
     std::vector<std::int64_t> active;

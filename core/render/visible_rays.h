@@ -64,6 +64,8 @@ class VisibleRays {
     ~VisibleRays();
 
     std::size_t samples() const { return start_.back(); }
+    // Samples that the field was asked of to find them.
+    std::size_t looked_at() const;
     // The next block; false when all rays have been taken. Rays without samples are in it.
     bool next(RayBlock& block);
 

@@ -48,7 +48,7 @@ class MachineFile : public ::testing::Test {
     }
     MachineRates rates() const {
         const WorkRate rate{100, 0.05, 7};
-        return {machine_name(), at::get_num_threads(), rate, rate, {50, 0.01, 0}, 300};
+        return {machine_name(), at::get_num_threads(), rate, rate, {50, 0.01, 0}, 300, 2e8};
     }
     std::filesystem::path folder_;
     std::optional<std::string> before_;

@@ -78,10 +78,12 @@ TEST(RenderView, CountsTheSamplesItAsksColoursOf) {
     const RayBundle rays = inward_rays(700, 11);  // more than a range
     RenderOptions options;
     options.march.step = 0.05;
-    const std::int64_t seen = visible_samples(field, rays, options);
-    EXPECT_EQ(seen, sample_visible(field, rays, options.march).samples.size());
+    const SampleCounts counts = count_samples(field, rays, options);
+    EXPECT_EQ(counts.visible, sample_visible(field, rays, options.march).samples.size());
+    EXPECT_GE(counts.looked_at, counts.visible);
+    EXPECT_LE(counts.looked_at, march(field.geometry(), {}, rays, options.march).size());
     options.march.step = 0.025;
-    EXPECT_GT(visible_samples(field, rays, options), seen);
+    EXPECT_GT(count_samples(field, rays, options).visible, counts.visible);
 }
 
 TEST(RenderView, BackgroundFillsWhatIsTransparent) {
