@@ -21,10 +21,21 @@ from pathlib import Path
 from typing import Any
 
 import torch
+
+# A torchvision whose compiled part does not fit this torch wants these operators to exist; nothing here calls them.
+for operator in ("nms", "qnms"):
+    with contextlib.suppress(RuntimeError):
+        torch.library.define(f"torchvision::{operator}", "(Tensor dets, Tensor scores, float threshold) -> Tensor")
+
+# ruff: noqa: E402
 from nerfstudio.configs.method_configs import method_configs
 from nerfstudio.data.datamanagers.base_datamanager import VanillaDataManagerConfig
 from nerfstudio.data.dataparsers.blender_dataparser import BlenderDataParserConfig
 from nerfstudio.engine.callbacks import TrainingCallbackLocation
+from torchmetrics.image import lpip
+
+# Its weights would be downloaded; it is a measure that is not taken here.
+lpip.LearnedPerceptualImagePatchSimilarity = lambda **_: torch.nn.Identity()
 
 
 def make_trainer(scene: Path, folder: Path) -> Any:
@@ -37,6 +48,7 @@ def make_trainer(scene: Path, folder: Path) -> Any:
     )
     model = config.pipeline.model
     model.implementation = "torch"
+    model.eval_num_rays_per_chunk = 4096  # the usual 32,768 want more memory at once than a processor is fast at
     model.background_color = "white"
     model.proposal_initial_sampler = "uniform"
     model.near_plane, model.far_plane = 2.0, 6.0
