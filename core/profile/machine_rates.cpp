@@ -202,7 +202,8 @@ MachineRates MachineRates::from_json(const Json& json) {
             rate_of(json.at("fit")),
             rate_of(json.at("draw")),
             rate_of(json.at("voxel")),
-            json.at("ray").get<double>()};
+            json.at("ray").get<double>(),
+            json.at("bake").get<double>()};
 }
 
 MachineRates measure_machine(const Reporter& reporter) {
