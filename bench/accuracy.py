@@ -21,7 +21,7 @@ from typing import Any
 
 import results
 import results_page
-from run import commit, done_event, gemm_gflops
+from run import commit, done_event, gemm_gflops, write_report
 
 ROOT = Path(__file__).resolve().parent.parent
 OUT = ROOT / "docs" / "results"
@@ -120,9 +120,7 @@ def main() -> None:
         "fronts": {sweep: front for p in profiles for sweep, front in p["fronts"].items()}
         | {"cycles": {"psnr": sweep.front(cycles)}},
     }
-    part = OUT / "accuracy.json.part"
-    part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
-    os.replace(part, OUT / "accuracy.json")
+    write_report(OUT / "accuracy.json", report)
     for chart in CHARTS:
         for found in args.work.glob(f"*/{chart}.svg"):
             shutil.copyfile(found, OUT / f"accuracy_{chart}.svg")

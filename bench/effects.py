@@ -12,14 +12,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import statistics
 import tempfile
 from pathlib import Path
 from typing import Any
 
 import results_page
-from run import commit, done_event
+from run import commit, done_event, write_report
 from stability_chart import INK, OURS, PALE, TEXTBOOK, Canvas
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -170,9 +169,7 @@ def main() -> None:
     if not args.page_only:
         with tempfile.TemporaryDirectory() as folder:
             report = Effects(args, Path(folder)).measure()
-        part = figures.with_suffix(".part")
-        part.write_text(json.dumps(report, indent=1) + "\n")
-        os.replace(part, figures)
+        write_report(figures, report)
     write_page(json.loads(figures.read_text()))
 
 

@@ -20,7 +20,7 @@ from pathlib import Path
 from typing import Any
 
 import results_page
-from run import commit, done_event
+from run import commit, done_event, write_report
 
 ROOT = Path(__file__).resolve().parent.parent
 PAGE = ROOT / "docs" / "accuracy-and-time.md"
@@ -128,10 +128,7 @@ def main() -> None:
     parser.add_argument("--page-only", action="store_true", help="write the page again from forecast.json")
     args = parser.parse_args()
     if not args.page_only:
-        report = measure(args)
-        part = FIGURES.with_suffix(".part")
-        part.write_text(json.dumps(report, indent=1) + "\n")
-        os.replace(part, FIGURES)
+        write_report(FIGURES, measure(args))
     write_page(json.loads(FIGURES.read_text()))
 
 

@@ -23,7 +23,7 @@ import many_images
 import random_clip
 import results_page
 from growth import Growth
-from run import commit, done_event, gemm_gflops
+from run import commit, done_event, gemm_gflops, write_report
 
 ROOT = Path(__file__).resolve().parent.parent
 FIGURES = ROOT / "docs" / "results" / "performance.json"
@@ -55,9 +55,7 @@ class Performance:
 
     def save(self) -> None:
         self.report["commit"] = commit()
-        part = FIGURES.with_suffix(".part")
-        part.write_text(json.dumps(self.report, indent=1) + "\n")
-        os.replace(part, FIGURES)
+        write_report(FIGURES, self.report)
 
     def machine(self) -> None:
         self.report["machine"] = {

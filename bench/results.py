@@ -22,7 +22,7 @@ from typing import Any
 import numpy as np
 import results_page
 from PIL import Image, ImageDraw
-from run import commit, done_event, measure
+from run import commit, done_event, measure, write_report
 
 HERE = Path(__file__).resolve().parent
 ROOT = HERE.parent
@@ -124,9 +124,7 @@ class Results:
 
     def save(self) -> None:
         self.report["commit"] = commit()
-        part = self.file.with_suffix(".part")
-        part.write_text(json.dumps(self.report, indent=1) + "\n")
-        os.replace(part, self.file)
+        write_report(self.file, self.report)
 
     def run(self, *command: Any) -> dict[str, Any]:
         return done_event([self.program, *command])

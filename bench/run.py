@@ -56,6 +56,13 @@ def gemm_gflops(threads: int, size: int = 2048, runs: int = 5, bfloat16: bool = 
     return {"median": round(statistics.median(rates), 1), "min": round(min(rates), 1), "max": round(max(rates), 1)}
 
 
+def write_report(path: Path, report: dict) -> None:
+    """Whole or not at all."""
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(report, indent=1) + "\n", encoding="utf-8")
+    os.replace(part, path)
+
+
 def commit() -> str:
     result = subprocess.run(["git", "-C", ROOT, "rev-parse", "--short", "HEAD"], stdout=subprocess.PIPE, text=True)
     return result.stdout.strip()
@@ -124,12 +131,9 @@ def main() -> None:
         for minutes in args.minutes:
             report["training"].append(measure(args.program, args.scene, minutes, args.threads, Path(work)))
             print(json.dumps(report["training"][-1]), file=sys.stderr, flush=True)
-    text = json.dumps(report, indent=2)
     if args.out:
-        part = args.out.with_suffix(".part")
-        part.write_text(text + "\n")
-        os.replace(part, args.out)
-    print(text)
+        write_report(args.out, report)
+    print(json.dumps(report, indent=2))
 
 
 if __name__ == "__main__":

@@ -7,11 +7,10 @@
 #include "core/base/spans.h"
 #include "core/field/cells.h"
 #include "core/field/kernel_edit.h"
-#include "core/field/torch_parallel.h"
 #include "core/kernels/blend_ref.h"
 #include "core/kernels/exp_simd.h"
 #include "core/render/block_colors.h"
-#include "core/render/ray_pass.h"
+#include "core/render/ray_ranges.h"
 
 namespace fieldgraft {
 namespace {
@@ -212,58 +211,17 @@ class BlendedPass {
     std::unique_ptr<EditProbe> probe_;
 };
 
-// Calls body(range) for ranges of all rays.
-template <class Body>
-void over_all(const RadianceField& field, const RayBundle& rays, const MarchOptions& options, Body body) {
-    const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
-    const MarchRays march{values(origins), values(directions), {}, march_step(field.geometry(), options), options.near};
-    const std::int64_t count = rays.size();
-    share_out((count + rays_a_range - 1) / rays_a_range, [&](std::int64_t i) {
-        const std::int64_t first = i * rays_a_range;
-        body(RayRange{march, first, std::min(first + rays_a_range, count), options.min_transmittance});
-    });
-}
-
 }  // namespace
 
 BlendedRays draw_blended(const RadianceField& field, const EditStack& items, const RayBundle& rays,
                          const MarchOptions& march, Compositing compositing) {
     at::NoGradGuard no_grad;
     if (items.empty()) throw std::invalid_argument("a blended picture needs an edit");
-    check_rays(rays);
-    check_transmittance(march);
     BlendedRays out = empty_rays(rays.size());
     const BlendedPass pass(field, items, compositing, out);
-    over_all(field, rays, march, [&](const RayRange& range) { pass.draw(range); });
+    over_ray_ranges(field, rays, march, [&](const RayRange& range) { pass.draw(range); });
     pass.finish();
     return out;
-}
-
-Tensor rays_through_support(const RadianceField& field, const EditStack& items, const RayBundle& rays,
-                            const MarchOptions& march) {
-    check_rays(rays);
-    Tensor touched = at::zeros({rays.size()}, at::kBool), cells;
-    const Tensor& own = field.occupancy();
-    for (const StackItem& item : items) {
-        const Tensor& support = item.field->support();
-        if (!support.defined()) return touched.fill_(true);
-        Tensor acting = support;
-        if (!item.active().add && own.defined()) {
-            const int finer = static_cast<int>(std::max(own.size(0), support.size(0)));
-            acting = resampled_cells(own, finer).bitwise_and(resampled_cells(support, finer));
-        }
-        cells = joined_cells(cells, acting);
-    }
-    if (!cells.defined()) return touched;
-    const MarchGrid grid = march_grid_of(field.geometry(), cells.contiguous());
-    bool* marks = touched.mutable_data_ptr<bool>();
-    over_all(field, rays, march, [&](const RayRange& range) {
-        for (std::int64_t r = range.first; r < range.last; ++r) {
-            float position[3], t;
-            marks[r] = RayMarcher(grid, range.march, r).next(position, t);
-        }
-    });
-    return touched;
 }
 
 }  // namespace fieldgraft

@@ -14,8 +14,4 @@ namespace fieldgraft {
 BlendedRays draw_blended(const RadianceField& field, const EditStack& items, const RayBundle& rays,
                          const MarchOptions& march, Compositing compositing);
 
-// R bool: the rays with a sample in a cell where an edit can act: marches the supports alone.
-Tensor rays_through_support(const RadianceField& field, const EditStack& items, const RayBundle& rays,
-                            const MarchOptions& march);
-
 }  // namespace fieldgraft

@@ -3,7 +3,9 @@
 #include <algorithm>
 
 #include "core/base/errors.h"
+#include "core/field/cells.h"
 #include "core/render/blended_pass.h"
+#include "core/render/ray_ranges.h"
 
 namespace fieldgraft {
 namespace {
@@ -105,7 +107,29 @@ BlendedRays blended_in_chunks(const RadianceField& field, const EditStack& items
 
 Tensor touched_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
                     const MarchOptions& options) {
-    return rays_through_support(field, active_items(stack), rays, options);
+    check_rays(rays);
+    Tensor touched = at::zeros({rays.size()}, at::kBool), cells;
+    const Tensor& own = field.occupancy();
+    for (const StackItem& item : active_items(stack)) {
+        const Tensor& support = item.field->support();
+        if (!support.defined()) return touched.fill_(true);
+        Tensor acting = support;
+        if (!item.active().add && own.defined()) {
+            const int finer = static_cast<int>(std::max(own.size(0), support.size(0)));
+            acting = resampled_cells(own, finer).bitwise_and(resampled_cells(support, finer));
+        }
+        cells = joined_cells(cells, acting);
+    }
+    if (!cells.defined()) return touched;
+    const MarchGrid grid = march_grid_of(field.geometry(), cells.contiguous());
+    bool* marks = touched.mutable_data_ptr<bool>();
+    over_ray_ranges(field, rays, options, [&](const RayRange& range) {
+        for (std::int64_t r = range.first; r < range.last; ++r) {
+            float position[3], t;
+            marks[r] = RayMarcher(grid, range.march, r).next(position, t);
+        }
+    });
+    return touched;
 }
 
 BlendedRays render_blended_rays(const RadianceField& field, const EditStack& stack, const RayBundle& rays,
@@ -116,7 +140,7 @@ BlendedRays render_blended_rays(const RadianceField& field, const EditStack& sta
     const EditStack items = active_items(stack);
     if (items.empty() && !options.color) return plain_rays(field, rays, options);
     if (options.color) return blended_in_chunks(field, items, rays, options);
-    const Tensor touched = rays_through_support(field, items, rays, options.render.march);
+    const Tensor touched = touched_rays(field, items, rays, options.render.march);
     const Tensor index = touched.nonzero().squeeze(1), rest = touched.logical_not().nonzero().squeeze(1);
     if (index.size(0) == 0) return plain_rays(field, rays, options);
     // What no edit can reach is f's own, by f's own way.

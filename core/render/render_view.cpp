@@ -4,8 +4,7 @@
 
 #include "core/base/errors.h"
 #include "core/base/spans.h"
-#include "core/field/torch_parallel.h"
-#include "core/render/ray_pass.h"
+#include "core/render/ray_ranges.h"
 
 namespace fieldgraft {
 namespace {
@@ -16,20 +15,9 @@ void over_ranges(const RadianceField& field, const RayBundle& rays, const Render
     if (options.chunk_rays < 1) {
         throw std::invalid_argument(fmt::format("chunk_rays must be positive, not {}", options.chunk_rays));
     }
-    check_rays(rays);
-    check_transmittance(options.march);
-    const std::int64_t count = rays.size();
-    const Tensor origins = rays.origins.contiguous(), directions = rays.directions.contiguous();
-    const Tensor jitter = draw_jitter(options.march.jitter, count);
-    const MarchRays march{values(origins), values(directions),
-                          jitter.defined() ? values(jitter) : std::span<const float>(),
-                          march_step(field.geometry(), options.march), options.march.near};
     const KernelField kernel(field);
     const MarchGrid cells = march_grid_of(field.geometry(), field.occupancy());
-    share_out((count + rays_a_range - 1) / rays_a_range, [&](std::int64_t i) {
-        const std::int64_t first = i * rays_a_range, last = std::min(first + rays_a_range, count);
-        body(kernel, cells, RayRange{march, first, last, options.march.min_transmittance});
-    });
+    over_ray_ranges(field, rays, options.march, [&](const RayRange& range) { body(kernel, cells, range); });
 }
 
 }  // namespace
