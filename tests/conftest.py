@@ -17,6 +17,12 @@ PRESET = os.environ.get("FIELDGRAFT_PRESET", "release")
 PROGRAM = ROOT / "build" / PRESET / "fieldgraft"
 
 
+@pytest.fixture(scope="session", autouse=True)
+def no_measured_machine(tmp_path_factory: pytest.TempPathFactory) -> None:
+    """What the user's machine was measured to be changes what training chooses."""
+    os.environ["XDG_CACHE_HOME"] = str(tmp_path_factory.mktemp("cache"))
+
+
 def run_program(*arguments: object, timeout: float = 300) -> subprocess.CompletedProcess:
     command = [str(PROGRAM), *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, timeout=timeout)

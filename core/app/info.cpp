@@ -23,8 +23,9 @@ Json costs_of(const RadianceField& field) {
     const double angle = 2 * std::atan(0.5 * g.image_width / g.focal_x);
     const Camera camera = camera_from_angle(g.image_width, g.image_height, angle, look_at(eye, centre, up));
     Json costs{{"view", view_seconds(*rates, field, camera)}};
-    for (const int resolution : {128, 256, 384})
-        costs[fmt::format("bake_{}", resolution)] = bake_seconds(*rates, field, resolution);
+    const std::vector<int> resolutions{128, 256, 384};  // bake --quality
+    const std::vector<double> bakes = bake_seconds(*rates, field, resolutions);
+    for (std::size_t i = 0; i < bakes.size(); ++i) costs[fmt::format("bake_{}", resolutions[i])] = bakes[i];
     return costs;
 }
 
@@ -56,15 +57,17 @@ Json describe_plan(const EditFile& edit) {
 Json describe_edit(const std::string& path) {
     const EditFile edit = EditFile::load(path);
     const Tensor& support = edit.field->support();
-    return {{"path", path},
-            {"kind", "edit"},
-            {"hash", edit.hash()},
-            {"operations", edit.field->config().operations.to_string()},
-            {"field_hash", edit.field_hash},
-            {"stack", edit.stack},
-            {"support_share", support.ne(0).to(at::kFloat).mean().item<double>()},
-            {"plan", describe_plan(edit)},
-            {"specification", edit.specification}};
+    Json file{{"path", path},
+              {"kind", "edit"},
+              {"hash", edit.hash()},
+              {"operations", edit.field->config().operations.to_string()},
+              {"field_hash", edit.field_hash},
+              {"stack", edit.stack},
+              {"support_share", support.ne(0).to(at::kFloat).mean().item<double>()},
+              {"specification", edit.specification}};
+    // An edit that was not trained here says nothing of how.
+    if (!edit.specification.empty()) file["plan"] = describe_plan(edit);
+    return file;
 }
 
 Json describe(const std::string& path) {

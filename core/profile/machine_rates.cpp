@@ -133,9 +133,8 @@ Content coarse_look(const RadianceField& field) {
 
 // How many voxels a bake of so many along the thing works on: as much volume as those of the coarse look that it begins
 // with, and those.
-double worked_on(const RadianceField& field, int resolution) {
-    const double coarse = longest_edge(field.geometry()) / 128;
-    const Content content = coarse_look(field);
+double worked_on(const FieldGeometry& geometry, const Content& content, int resolution) {
+    const double coarse = longest_edge(geometry) / 128;
     return static_cast<double>(content.voxels) * (1 + std::pow(coarse / (content.edge / resolution), 3));
 }
 
@@ -266,8 +265,14 @@ double view_seconds(const MachineRates& rates, const RadianceField& field, const
     return 1e-9 * rays * scenes_take * (rates.ray + samples * rates.draw.of(field.config()));
 }
 
-double bake_seconds(const MachineRates& rates, const RadianceField& field, int resolution) {
-    return 1e-9 * (rates.bake + worked_on(field, resolution) * rates.voxel.of(field.config()));
+std::vector<double> bake_seconds(const MachineRates& rates, const RadianceField& field,
+                                 const std::vector<int>& resolutions) {
+    const Content content = coarse_look(field);
+    const double voxel = rates.voxel.of(field.config());
+    std::vector<double> seconds;
+    for (const int resolution : resolutions)
+        seconds.push_back(1e-9 * (rates.bake + worked_on(field.geometry(), content, resolution) * voxel));
+    return seconds;
 }
 
 }  // namespace fieldgraft

@@ -14,6 +14,7 @@
 #include <filesystem>
 #include <optional>
 #include <string>
+#include <vector>
 
 #include "core/base/progress.h"
 #include "core/field/radiance_field.h"
@@ -61,7 +62,8 @@ std::optional<MachineRates> load_rates();
 double training_seconds(const MachineRates& rates, const HashFieldConfig& field, double samples);
 // Seconds of a picture. Marches every 64th ray to count its samples.
 double view_seconds(const MachineRates& rates, const RadianceField& field, const Camera& camera);
-// Seconds of a bake of so many voxels along the thing's longest edge.
-double bake_seconds(const MachineRates& rates, const RadianceField& field, int resolution);
+// Seconds of bakes of so many voxels along the thing's longest edge.
+std::vector<double> bake_seconds(const MachineRates& rates, const RadianceField& field,
+                                 const std::vector<int>& resolutions);
 
 }  // namespace fieldgraft
